@@ -1,0 +1,1 @@
+"""Geometry of the spaces: exponential, logarithm, distance, Jacobians."""

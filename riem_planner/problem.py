@@ -1,0 +1,260 @@
+"""The problem a user states: end states, duration, tension, obstacles. Frozen and validated."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from riem_planner.errors import InvalidProblemError
+from riem_planner.geometry import so3
+from riem_planner.obstacles import Obstacle, OrientationObstacle, Zone
+from riem_planner.validation import (
+    finite_array,
+    frozen,
+    non_negative_number,
+    positive_number,
+    rotation_matrix,
+    unit_quaternion,
+    unit_vector,
+)
+
+Array = NDArray[np.float64]
+
+_HORIZONTAL_TOLERANCE = 1e-6  # rad/s of roll that still counts as rounding on S^2
+
+
+@dataclass(frozen=True)
+class Space:
+    """A space that trajectories live in, by its name in problem files."""
+
+    name: str
+
+
+SO3 = Space("so3")
+"""Attitudes of a rigid body: the rotation group with its bi-invariant metric."""
+
+S2 = Space("s2")
+"""Pointing directions of a boresight: the unit sphere, lifted to attitudes that never roll."""
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """An attitude and its rate.
+
+    Parameters
+    ----------
+    orientation : (3, 3)
+        Rotation matrix R, body to reference frame.
+    angular_velocity : (3,)
+        Body rate v [rad/s], `R' = R hat(v)`; by default at rest.
+    """
+
+    orientation: Array
+    angular_velocity: Array = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        """Validate and freeze."""
+        set_field = object.__setattr__
+        set_field(self, "orientation", rotation_matrix("orientation", self.orientation))
+        set_field(
+            self,
+            "angular_velocity",
+            finite_array("angular_velocity", self.angular_velocity, (3,)),
+        )
+
+    @classmethod
+    def from_quaternion_xyzw(
+        cls, quaternion: ArrayLike, angular_velocity: ArrayLike = (0.0, 0.0, 0.0)
+    ) -> State:
+        """State of a unit quaternion (4,) in the order x, y, z, w and a body rate (3,) [rad/s]."""
+        unit = unit_quaternion("orientation", quaternion)
+        return cls(so3.quaternion_to_matrix(unit), np.asarray(angular_velocity, dtype=float))
+
+    @classmethod
+    def from_direction(
+        cls,
+        direction: ArrayLike,
+        velocity: ArrayLike = (0.0, 0.0, 0.0),
+        boresight: ArrayLike = (1.0, 0.0, 0.0),
+    ) -> State:
+        """Roll-free state of a pointing direction, by the least rotation from the boresight.
+
+        Parameters
+        ----------
+        direction : (3,)
+            Where the boresight points, in the reference frame; any length but zero.
+        velocity : (3,)
+            Velocity of that unit vector [rad/s], tangent to the sphere there.
+        boresight : (3,)
+            Body axis; any length but zero.
+        """
+        x = unit_vector("direction", direction)
+        b = unit_vector("boresight", boresight)
+        R = so3.quaternion_to_matrix(so3.minimal_rotation(b, x))
+        return cls(R, horizontal_rate(R, x, finite_array("velocity", velocity, (3,)), b))
+
+    @property
+    def quaternion_xyzw(self) -> Array:
+        """Unit quaternion (4,) of the attitude, x, y, z, w."""
+        return so3.matrix_to_quaternion(self.orientation)
+
+
+def horizontal_rate(attitude: Array, direction: Array, velocity: Array, boresight: Array) -> Array:
+    """Body rate (3,) [rad/s] without roll that moves a direction (3,) with a velocity (3,).
+
+    Raises
+    ------
+    InvalidProblemError
+        The velocity is not tangent to the sphere at the direction.
+    """
+    radial = float(direction @ velocity)
+    if abs(radial) > _HORIZONTAL_TOLERANCE * max(1.0, float(np.linalg.norm(velocity))):
+        raise InvalidProblemError(
+            "velocity",
+            "expected a velocity tangent to the sphere at the direction, got a radial part of"
+            f" {radial:.6g} rad/s; subtract it",
+        )
+    rate = np.cross(boresight, attitude.T @ velocity)
+    return frozen(np.asarray(rate))
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Minimise acceleration, tension and repulsion between two states.
+
+    The cost is `1/2 int_0^T (|a|^2 + sigma |v|^2 + sum V_i) dt`.
+
+    Parameters
+    ----------
+    start, goal
+        End states. On S^2 only where the boresight points and how it moves is met at the goal;
+        the rates must be orthogonal to the boresight.
+    duration
+        T [s].
+    space
+        `SO3` or `S2`.
+    tension
+        sigma [1/s^2]; or give `normalized_tension`, which is `sigma T^2`.
+    obstacles
+        What to keep away from or inside of.
+    boresight : (3,)
+        On S^2 the body axis that points; on SO(3) the axis of zones that name none.
+    name
+        What results call the problem.
+
+    Raises
+    ------
+    InvalidProblemError
+        A value is wrong; the error names it.
+    """
+
+    start: State
+    goal: State
+    duration: float
+    space: Space = SO3
+    tension: float | None = None
+    normalized_tension: float | None = None
+    obstacles: tuple[Obstacle, ...] = ()
+    boresight: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        """Validate, freeze, and give every obstacle its name and boresight."""
+        set_field = object.__setattr__
+        if self.space not in (SO3, S2):
+            raise InvalidProblemError("space", f"expected SO3 or S2, got {self.space!r}")
+        set_field(self, "duration", positive_number("duration", self.duration))
+        if self.tension is not None and self.normalized_tension is not None:
+            raise InvalidProblemError(
+                "tension", "expected at most one of tension, normalized_tension, got both"
+            )
+        for key in ("tension", "normalized_tension"):
+            if getattr(self, key) is not None:
+                set_field(self, key, non_negative_number(key, getattr(self, key)))
+        set_field(self, "boresight", unit_vector("boresight", self.boresight))
+        obstacles = tuple(self._completed(i, obstacle) for i, obstacle in enumerate(self.obstacles))
+        set_field(self, "obstacles", obstacles)
+        self._check_names()
+        if self.space == S2:
+            self._check_horizontal("start", self.start)
+            self._check_horizontal("goal", self.goal)
+
+    def _completed(self, index: int, obstacle: Obstacle) -> Obstacle:
+        key = f"obstacles[{index}]"
+        name = str(index) if obstacle.name is None else obstacle.name
+        if isinstance(obstacle, OrientationObstacle):
+            if self.space == S2:
+                raise InvalidProblemError(
+                    f"{key}.kind",
+                    "an orientation obstacle would depend on the roll history on s2; give its"
+                    " direction as a keep_out zone",
+                )
+            return obstacle if obstacle.name is not None else replace(obstacle, name=name)
+        if not isinstance(obstacle, Zone):
+            raise InvalidProblemError(
+                key, f"expected an OrientationObstacle or a Zone, got {type(obstacle).__name__}"
+            )
+        boresight = self.boresight if obstacle.boresight is None else obstacle.boresight
+        if self.space == S2 and not np.allclose(boresight, self.boresight, rtol=0.0, atol=1e-9):
+            raise InvalidProblemError(
+                f"{key}.boresight",
+                f"on s2 an obstacle uses the space's boresight {self.boresight.tolist()}, got"
+                f" {boresight.tolist()}; leave it out, or plan on so3",
+            )
+        if obstacle.name is not None and obstacle.boresight is not None:
+            return obstacle
+        return replace(obstacle, name=name, boresight=boresight)
+
+    def _check_names(self) -> None:
+        names = [obstacle.name for obstacle in self.obstacles]
+        groups = {o.group for o in self.obstacles if isinstance(o, Zone) and o.group is not None}
+        for name in [*names, *groups]:
+            if [*names, *groups].count(name) > 1:
+                raise InvalidProblemError(
+                    "obstacles", f"the name {name!r} is used twice; names of obstacles and groups"
+                    " must differ"
+                )
+
+    def _check_horizontal(self, key: str, state: State) -> None:
+        roll = float(self.boresight @ state.angular_velocity)
+        scale = max(1.0, float(np.linalg.norm(state.angular_velocity)))
+        if abs(roll) > _HORIZONTAL_TOLERANCE * scale:
+            raise InvalidProblemError(
+                f"{key}.angular_velocity",
+                f"on s2 the rate must be orthogonal to the boresight, got a roll of {roll:.6g}"
+                " rad/s; subtract it",
+            )
+
+    @property
+    def sigma(self) -> float:
+        """Tension sigma [1/s^2]."""
+        if self.normalized_tension is not None:
+            return self.normalized_tension / self.duration**2
+        return self.tension or 0.0
+
+    def strength_of(self, obstacle: Obstacle) -> float:
+        """Strength tau of an obstacle [rad^4/s^4]."""
+        if obstacle.normalized_strength is not None:
+            return obstacle.normalized_strength / self.duration**4
+        assert obstacle.strength is not None  # checked when the obstacle was made
+        return obstacle.strength
+
+    def margins(self, attitude: ArrayLike, time: float = 0.0) -> dict[str, float]:
+        """Distance [rad] of an attitude (3, 3) to each forbidden set; negative inside.
+
+        Keys are the obstacles' names and, for a keep-in group, the group's: there the margin
+        is that of its best member.
+        """
+        margins: dict[str, float] = {}
+        for obstacle in self.obstacles:
+            distance = float(obstacle.distance(attitude, time))
+            if isinstance(obstacle, Zone) and obstacle.kind == "keep_in":
+                name = obstacle.group if obstacle.group is not None else str(obstacle.name)
+                margin = obstacle.half_angle - distance
+                margins[name] = max(margins.get(name, -math.inf), margin)
+            else:
+                margins[str(obstacle.name)] = distance - obstacle.radius
+        return margins

@@ -1,0 +1,100 @@
+"""What a solve returns: a value with a status that gives advice, never an exception."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+from riem_planner.certificate import Certificate
+from riem_planner.trajectory import Trajectory
+
+
+class Status(Enum):
+    """Outcome of a solve; the value is what to do about it."""
+
+    SOLVED = "the trajectory is certified"
+    START_IN_ZONE = "move the start out of the zone, or make the zone smaller"
+    GOAL_IN_ZONE = "choose another goal, or make the zone smaller"
+    NO_CERTIFIED_TRAJECTORY = (
+        "the zones may seal the goal off: make one smaller, or choose another goal"
+    )
+    LIMITS_EXCEEDED = "give the slew more time, or raise the limit that binds"
+    OUT_OF_TIME = "raise the deadline, or plan with fewer obstacles"
+    CANCELLED = "the request was withdrawn"
+
+    @property
+    def advice(self) -> str:
+        """What to do about this outcome."""
+        return self.value
+
+
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """Another certified extremal, costlier than the one chosen.
+
+    Parameters
+    ----------
+    cost
+        Its cost, in the units of `Solution.cost`.
+    clearance
+        Certified lower bound of the distance to each forbidden set [rad].
+    trajectory
+        The trajectory itself.
+    """
+
+    cost: float
+    clearance: dict[str, float]
+    trajectory: Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Outcome of `solve`.
+
+    Parameters
+    ----------
+    status
+        What happened; `status.advice` says what to do about it.
+    message
+        The same in a sentence, with names and numbers.
+    trajectory
+        The cheapest certified trajectory; None unless the status is SOLVED.
+    certificate
+        The checker's verdict on it, or on the best trajectory that was refused.
+    cost
+        `1/2 int (|a|^2 + sigma |v|^2 + sum V_i) dt` of the problem as stated [rad^2/s^3].
+    trajectory_error, cost_error
+        Estimated distance to the exact extremal [rad], and relative error of the cost.
+    local_minimum
+        Whether the second variation is positive definite; None where it was not computed.
+    converged
+        Whether both error estimates are within the requested tolerance.
+    alternatives
+        Other certified extremals, cheapest first.
+    iterations
+        Newton iterations of both stages, over all classes that were tried.
+    solve_time
+        Duration of the solve by a steady clock [s].
+    notes
+        Remarks a user should read: use of the potential beyond its convex neighbourhood, a
+        tolerance that was not reached.
+    """
+
+    status: Status
+    message: str
+    trajectory: Trajectory | None = None
+    certificate: Certificate | None = None
+    cost: float = float("nan")
+    trajectory_error: float = float("nan")
+    cost_error: float = float("nan")
+    local_minimum: bool | None = None
+    converged: bool = False
+    alternatives: tuple[Alternative, ...] = ()
+    iterations: int = 0
+    solve_time: float = 0.0
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def solved(self) -> bool:
+        """Whether there is a certified trajectory."""
+        return self.status is Status.SOLVED
