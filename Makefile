@@ -1,0 +1,84 @@
+# Everything a developer types. Each command sets up what it needs; a second call starts at once.
+#
+#   make run      plan and fly the demonstration manoeuvre      make test    all tests
+#   make bench    solve times beside the peers'                 make lint    ruff and mypy
+#   make figures  the paper's figures and table                 make soak    the long tests
+#   make clean    remove what the build and the tests left      make setup   only the set-up
+#
+# ARGS="..." is passed on: make test ARGS="-k certificate", make run ARGS="--help".
+
+SHELL := /bin/bash
+PYTHON ?= python3
+VENV := .venv
+PY := $(VENV)/bin/python
+ARGS ?=
+
+# The ROS that is sourced, if one is; else ROS 2 Jazzy comes from PyPI into the environment.
+SOURCED := $(if $(ROS_DISTRO),ros-$(ROS_DISTRO),pypi)
+KEY := $(SOURCED)-$(shell cat requirements.txt requirements-test.txt setup.py package.xml \
+	Makefile | cksum | cut -d' ' -f1)
+READY := $(VENV)/.ready-$(KEY)
+
+# Nothing leaves this machine. The wheels of PyPI don't announce where they are installed.
+export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
+export ROS_DOMAIN_ID ?= $(shell echo $$(($$PPID % 101 + 1)))
+export ROS_PYTHON_CHECK_FIELDS ?= 1
+export ROS_LOG_DIR ?= $(CURDIR)/log/ros
+export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_PREFIX_PATH))
+
+.PHONY: run test bench lint figures soak clean setup
+.DEFAULT_GOAL := run
+
+# In a terminal the demonstration gets Ctrl-C for itself, so that its exit code is make's.
+run: $(READY)
+	@if [ -t 0 ]; then set -m; fi; $(PY) -m riem_planner.node.demo $(ARGS); exit $$?
+
+test: $(READY)
+	@$(PY) -m pytest -q $(ARGS)
+
+soak: $(READY)
+	@$(PY) -m pytest -q -m soak $(ARGS)
+
+bench: $(READY)
+	@$(PY) -m benchmark $(ARGS)
+
+figures: $(READY)
+	@$(PY) -m riem_planner.offline.figures $(ARGS)
+
+lint: $(READY)
+	@$(PY) -m ruff check .
+	@$(PY) -m mypy
+
+setup: $(READY)
+	@echo "$(VENV) is ready"
+
+$(READY):
+	@echo "setting up $(VENV) ($(SOURCED)), once; this takes about a minute"
+	@if [ "$$(cat $(VENV)/.kind 2>/dev/null || echo $(SOURCED))" != "$(SOURCED)" ]; then \
+		rm -rf $(VENV); fi
+	@[ -x $(PY) ] || $(PYTHON) -m venv $(if $(ROS_DISTRO),--system-site-packages) $(VENV)
+	@echo $(SOURCED) > $(VENV)/.kind
+ifdef ROS_DISTRO
+	@$(PY) -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+	@$(PY) -m pip install --quiet --disable-pip-version-check ruff mypy types-PyYAML
+else
+	@$(PY) -m pip install --quiet --disable-pip-version-check -r requirements-test.txt
+	@$(PY) -m pip install --quiet --disable-pip-version-check --no-deps \
+		--no-build-isolation --editable .
+endif
+	@# An editable installation leaves out the files that ROS looks for: links to them.
+	@mkdir -p $(VENV)/share/ament_index/resource_index/packages $(VENV)/share/riem_planner \
+		$(VENV)/lib/riem_planner
+	@ln -sfn $(CURDIR)/resource/riem_planner \
+		$(VENV)/share/ament_index/resource_index/packages/riem_planner
+	@ln -sfn $(CURDIR)/package.xml $(VENV)/share/riem_planner/package.xml
+	@ln -sfn $(CURDIR)/config $(VENV)/share/riem_planner/config
+	@for command in planner_node spacecraft_sim riem_plan riem_figures; do \
+		ln -sfn ../../bin/$$command $(VENV)/lib/riem_planner/$$command; done
+	@rm -f $(VENV)/.ready-*
+	@touch $@
+
+clean:
+	rm -rf build install log figures .pytest_cache .hypothesis .mypy_cache .ruff_cache .benchmarks
+	rm -rf *.egg-info plan.json plan.png demo.png
+	find . -path ./$(VENV) -prune -o -name __pycache__ -type d -print0 | xargs -0 rm -rf
