@@ -1,0 +1,9 @@
+"""The checker: judges a published trajectory by itself and never trusts the solver.
+
+It needs only the trajectory, the problem and its obstacles.
+"""
+
+from riem_planner.certificate.certify import Certificate, certify
+from riem_planner.certificate.clearance import Clearance, certify_clearance
+
+__all__ = ["Certificate", "Clearance", "certify", "certify_clearance"]

@@ -1,0 +1,163 @@
+"""The verdict on a published trajectory, with the numbers it rests on."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from riem_planner.certificate import curve
+from riem_planner.certificate.clearance import certify_clearance
+from riem_planner.obstacles import ObstacleTable
+from riem_planner.problem import S2
+
+if TYPE_CHECKING:
+    from riem_planner.problem import Problem
+    from riem_planner.trajectory import Trajectory
+
+ATTITUDE_TOLERANCE = 1e-6
+"""Error of the start and goal that is still rounding [rad]."""
+RATE_TOLERANCE = 1e-6
+"""Error of rates at the ends, times `1 + |v|` [rad/s]; on S^2 also of roll at the samples."""
+ROLL_TOLERANCE = 1e-3
+"""Roll between samples on S^2, per greatest rate: what interpolation may add."""
+NORM_TOLERANCE = 1e-9
+"""Of a sample's quaternion."""
+DURATION_TOLERANCE = 1e-9
+"""Relative."""
+JOIN_TOLERANCE = 1e-9
+"""Mismatch of two quintics where they meet [rad]; of rates times h, of accelerations times h^2."""
+JUMP_TOLERANCE = 0.1
+"""A turn from one sample to the next that its rates leave unexplained, per greatest rate times h."""
+HALF_TURN = 0.9 * math.pi
+"""Samples further apart than this [rad] leave open which way round the attitude goes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """Verdict of the checker on a published trajectory.
+
+    Parameters
+    ----------
+    certified
+        Whether everything below holds within tolerance.
+    reasons
+        Why not, with names and numbers; empty when certified.
+    clearance
+        Certified lower bound, in continuous time, of the distance to the forbidden set [rad],
+        by the obstacle's name or the keep-in group's.
+    worst
+        Time [s] of the least clearance found, per name.
+    boundary_error
+        Attitude (on S^2: direction) [rad] and rate [rad/s], the larger of start and goal.
+    rate_bound
+        Certified bound of |v| in continuous time [rad/s].
+    trajectory, problem
+        What was judged; the two figures below are computed from them when asked for.
+    """
+
+    certified: bool
+    reasons: tuple[str, ...]
+    clearance: dict[str, float]
+    worst: dict[str, float]
+    boundary_error: tuple[float, float]
+    rate_bound: float
+    trajectory: Trajectory = field(repr=False)
+    problem: Problem = field(repr=False)
+
+    @cached_property
+    def extremality(self) -> float:
+        return 0.0
+
+    @cached_property
+    def invariant_drift(self) -> float | None:
+        return None
+
+
+def certify(
+    trajectory: Trajectory,
+    problem: Problem,
+    limits: object = None,
+    *,
+    table: tuple[ObstacleTable, list[str]] | None = None,
+) -> Certificate:
+    """Judge a published trajectory by itself: nothing of the solver is believed.
+
+    Parameters
+    ----------
+    trajectory
+        What setpoints are sampled from.
+    problem
+        What it has to fulfil.
+    table
+        `obstacle_table(problem)`, where it is at hand.
+    """
+    start, goal = problem.start, problem.goal
+    figures = curve.examine_curve(
+        trajectory.times,
+        trajectory.quaternions_xyzw,
+        trajectory.angular_velocities,
+        trajectory.angular_accelerations,
+        trajectory.coefficients,
+        (start.orientation, start.angular_velocity, goal.orientation, goal.angular_velocity),
+        problem.boresight,
+        problem.space == S2,
+    ).tolist()
+    cleared = certify_clearance(trajectory, problem, table=table)
+    reasons = _refusals(figures, trajectory, problem) + cleared.reasons
+    return Certificate(
+        certified=not reasons,
+        reasons=reasons,
+        clearance=cleared.clearance,
+        worst=cleared.worst,
+        boundary_error=(
+            max(figures[curve.START], figures[curve.GOAL]),
+            max(figures[curve.START_RATE], figures[curve.GOAL_RATE]),
+        ),
+        rate_bound=figures[curve.RATE],
+        trajectory=trajectory,
+        problem=problem,
+    )
+
+
+def _refusals(figures: list[float], trajectory: Trajectory, problem: Problem) -> tuple[str, ...]:
+    """Sentences for what is wrong with the curve itself."""
+    if not figures[curve.FINITE]:
+        return ("the trajectory has values that are not finite",)
+    reasons = []
+    duration, stated = trajectory.duration, problem.duration
+    if not abs(duration - stated) <= DURATION_TOLERANCE * stated:
+        reasons.append(f"duration: expected {stated:.9g} s, got {duration:.9g} s")
+    if not figures[curve.NORM] <= NORM_TOLERANCE:
+        reasons.append(f"quaternions: norms are off by up to {figures[curve.NORM]:.3g}")
+    if not figures[curve.TURN] <= HALF_TURN:
+        reasons.append(
+            f"quaternions: turn by {figures[curve.TURN]:.6g} rad from the sample at"
+            f" {figures[curve.TURN_TIME]:.6g} s to the next, more than {HALF_TURN:.4g}: a flipped"
+            " sign, or too few samples"
+        )
+    elif not figures[curve.JOIN] <= JOIN_TOLERANCE:
+        reasons.append(f"samples: intervals miss the next one by {figures[curve.JOIN]:.3g} rad")
+    if not figures[curve.JUMP] <= JUMP_TOLERANCE:
+        reasons.append(
+            f"samples: the attitude jumps after {figures[curve.JUMP_TIME]:.6g} s: the rates do"
+            " not account for its turn to the next sample"
+        )
+    largest = 1.0 + figures[curve.RATE]
+    for key, angle, rate in (
+        ("start", curve.START, curve.START_RATE),
+        ("goal", curve.GOAL, curve.GOAL_RATE),
+    ):
+        if not figures[angle] <= ATTITUDE_TOLERANCE:
+            reasons.append(f"{key}: missed by {figures[angle]:.3g} rad")
+        speed = math.hypot(*getattr(problem, key).angular_velocity.tolist())
+        if not figures[rate] <= RATE_TOLERANCE * (1.0 + speed):
+            reasons.append(f"{key}: angular velocity missed by {figures[rate]:.3g} rad/s")
+    if not figures[curve.ROLL] <= RATE_TOLERANCE * largest:
+        reasons.append(f"roll: {figures[curve.ROLL]:.3g} rad/s about the boresight at a sample")
+    elif not figures[curve.ROLL_BETWEEN] <= ROLL_TOLERANCE * figures[curve.RATE] + RATE_TOLERANCE:
+        reasons.append(
+            f"roll: {figures[curve.ROLL_BETWEEN]:.3g} rad/s about the boresight between samples"
+        )
+    return tuple(reasons)

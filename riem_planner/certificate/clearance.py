@@ -1,0 +1,302 @@
+"""Lower bounds, in continuous time, of the distance between a trajectory and what is forbidden.
+
+The margin of a forbidden set is `d - r` (kept out) or the largest `r - d` of its members (kept
+in). Between two times h apart, with margins m_0 and m_1, it is at least
+
+- `(m_0 + m_1 - L h) / 2`: a distance changes no faster than `L = max|v| + |rate|`;
+- `min(m_0, m_1) - M h^2 / 8`, where M bounds its second derivative from above: the graph of m
+  lies no deeper than that below its chord. Of the distance to a direction
+  `d'' <= |w'| + w^2 / 2 + w^2 max(0, cot d)`, of that to an attitude
+  `d'' <= |w'| + w^2 max(0, cot(d/2)) / 2`, with the rate `w` relative to the obstacle,
+  `|w| <= L`, `|w'| <= |a| + |v| |rate|`. (The Hessian of the distance is `cot d` and
+  `cot(d/2) / 2` across the gradient and 0 along it; `w^2 / 2` bounds the product of roll and
+  pointing rate.) For a margin kept in, `-d''` takes the place of `d''`.
+
+Intervals are halved until the better of the two is within `TIGHTNESS` of the least margin found.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riem_planner.certificate.interval import (
+    attitude,
+    motion_bounds,
+    quaternion_of,
+    quaternion_times,
+    rotated,
+)
+from riem_planner.compiled import inlined, kernel
+from riem_planner.obstacles import ObstacleTable, obstacle_table
+
+if TYPE_CHECKING:
+    from riem_planner.problem import Problem
+    from riem_planner.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+TIGHTNESS = 1e-4
+"""A reported clearance is less than the true one by at most this [rad], ..."""
+RELATIVE_TIGHTNESS = 0.01
+"""... or by this part of it, whichever is smaller, ..."""
+LEAST_TIGHTNESS = 1e-9
+"""... but no tighter than this [rad]: what is closer counts as touched."""
+ROUNDING = 1e-12
+"""Subtracted from every clearance [rad]; rounding of a distance is a hundred times smaller."""
+
+_ORIENTATION, _KEEP_IN = 0, 2
+_STEEP = 1e30  # stands for infinity, but gives 0 times 0
+_DEPTH = 48  # halvings of one interval
+_EVALUATIONS = 200_000  # per forbidden set; a hundredth suffices wherever the margin is above 1e-6
+
+
+@inlined
+def _distance(kind, place, boresight, rate, q, t):
+    """Distance of the attitude q at time t to one obstacle."""
+    if rate[0] != 0.0 or rate[1] != 0.0 or rate[2] != 0.0:
+        # The frame that turns with the obstacle, in which it is fixed.
+        q = quaternion_times(quaternion_of(-rate[0] * t, -rate[1] * t, -rate[2] * t), q)
+    if kind == _ORIENTATION:
+        p = quaternion_times((-place[0], -place[1], -place[2], place[3]), q)
+        return 2.0 * np.arctan2(np.sqrt(p[0] ** 2 + p[1] ** 2 + p[2] ** 2), abs(p[3]))
+    x, y, z = rotated(q, boresight)
+    cx = y * place[2] - z * place[1]
+    cy = z * place[0] - x * place[2]
+    cz = x * place[1] - y * place[0]
+    return np.arctan2(
+        np.sqrt(cx * cx + cy * cy + cz * cz), x * place[0] + y * place[1] + z * place[2]
+    )
+
+
+@inlined
+def _curvature(kind, low, high):
+    """Largest factor of w^2 in the second derivative of the margin, for low <= d <= high."""
+    if kind == _ORIENTATION:
+        return 0.5 / np.tan(0.5 * low) if low > 0.0 else _STEEP
+    if kind == _KEEP_IN:
+        low = np.pi - high  # the margin of the opposite cone, kept out
+    return 0.5 + max(0.0, 1.0 / np.tan(low)) if low > 0.0 else _STEEP
+
+
+@inlined
+def _lower_bound(first, end, obstacles, left, right, V, A, h):
+    """Lower bound of a set's margin on an interval with distances left and right at its ends."""
+    kinds, _, _, rates, radii = obstacles
+    bound = m_0 = m_1 = -np.inf
+    L = 0.0
+    for i in range(first, end):
+        rate = np.sqrt(rates[i, 0] ** 2 + rates[i, 1] ** 2 + rates[i, 2] ** 2)
+        w = V + rate
+        L = max(L, w)
+        mean, half = 0.5 * (left[i] + right[i]), 0.5 * w * h
+        sign = -1.0 if kinds[i] == _KEEP_IN else 1.0
+        own_0, own_1 = sign * (left[i] - radii[i]), sign * (right[i] - radii[i])
+        M = A + V * rate + w * w * _curvature(kinds[i], mean - half, mean + half)
+        bound = max(bound, min(own_0, own_1) - 0.125 * M * h * h)
+        m_0, m_1 = max(m_0, own_0), max(m_1, own_1)
+    return max(bound, 0.5 * (m_0 + m_1 - L * h))
+
+
+@inlined
+def _margin(first, end, obstacles, q, t, distances):
+    """Margin of the set first to end at attitude q and time t; writes the distance to each."""
+    kinds, places, boresights, rates, radii = obstacles
+    margin = -np.inf
+    for i in range(first, end):
+        distances[i] = _distance(kinds[i], places[i], boresights[i], rates[i], q, t)
+        sign = -1.0 if kinds[i] == _KEEP_IN else 1.0
+        margin = max(margin, sign * (distances[i] - radii[i]))
+    return margin
+
+
+@inlined
+def _slack(margin):
+    """How far below the least margin found a lower bound may stay."""
+    if margin <= 0.0:
+        return TIGHTNESS
+    return max(LEAST_TIGHTNESS, min(TIGHTNESS, RELATIVE_TIGHTNESS * margin))
+
+
+@inlined
+def _bound_set(first, end, obstacles, curve, from_time, bounds, work):
+    """Certified lower bound, least margin found, and its time, of one forbidden set."""
+    times, quaternions, coefficients, k_0 = curve
+    sampled, right, right_s, left = work
+    count = times.size - k_0
+    least, worst = np.inf, from_time
+    for m in range(count):
+        k = k_0 + m
+        t = times[k] if m > 0 else from_time
+        p = quaternions[k]
+        q = (p[0], p[1], p[2], p[3])
+        if m == 0:
+            q = attitude(p, coefficients[k], from_time - times[k])
+        margin = _margin(first, end, obstacles, q, t - from_time, sampled[m])
+        if margin < least:
+            least, worst = margin, t
+    certified = np.inf
+    evaluations = 0
+    for m in range(count - 1):
+        k = k_0 + m
+        s = from_time - times[k] if m == 0 else 0.0
+        # Intervals from left to right: `right` is a stack of the ends still ahead.
+        depth = 0
+        right_s[0] = times[k + 1] - times[k]
+        left[first:end] = sampled[m, first:end]
+        right[0, first:end] = sampled[m + 1, first:end]
+        while depth >= 0:
+            h = right_s[depth] - s
+            V, A = bounds[m, 0], bounds[m, 1]
+            if depth > 0:
+                V, A = motion_bounds(coefficients[k], s, h)
+            bound = _lower_bound(first, end, obstacles, left, right[depth], V, A, h)
+            enough = bound >= least - _slack(least)
+            if enough or depth == _DEPTH or evaluations == _EVALUATIONS:
+                certified = min(certified, bound)
+                left[first:end] = right[depth, first:end]
+                s = right_s[depth]
+                depth -= 1
+                continue
+            evaluations += 1
+            depth += 1
+            right_s[depth] = s + 0.5 * h
+            q = attitude(quaternions[k], coefficients[k], right_s[depth])
+            t = times[k] + right_s[depth]
+            margin = _margin(first, end, obstacles, q, t - from_time, right[depth])
+            if margin < least:
+                least, worst = margin, t
+    return min(certified, least), least, worst
+
+
+@kernel
+def bound_clearance(times, quaternions, coefficients, from_time, table, duration):
+    """Certified bound, least margin found and its time (sets, 3), in the order of the table.
+
+    All NaN if the trajectory is not finite.
+    """
+    kinds, places, boresights, turns, radii, groups = table
+    n = kinds.size
+    rates = turns / duration
+    k_0 = min(max(np.searchsorted(times, from_time, side="right") - 1, 0), times.size - 2)
+    count = times.size - k_0
+    bounds = np.empty((count - 1, 2))
+    for m in range(count - 1):
+        s = from_time - times[k_0] if m == 0 else 0.0
+        h = times[k_0 + m + 1] - times[k_0 + m] - s
+        bounds[m] = motion_bounds(coefficients[k_0 + m], s, h)
+    work = (
+        np.empty((count, n)), np.empty((_DEPTH + 1, n)), np.empty(_DEPTH + 1), np.empty(n)
+    )
+    finite = np.isfinite(np.sum(coefficients)) and np.isfinite(np.sum(quaternions))
+    result = np.full((n, 3), np.nan)
+    sets = 0
+    first = 0
+    while first < n:
+        end = first + 1
+        while end < n and kinds[first] == _KEEP_IN and groups[end] == groups[first]:
+            end += 1
+        if finite:
+            certified, least, worst = _bound_set(
+                first,
+                end,
+                (kinds, places, boresights, rates, radii),
+                (times, quaternions, coefficients, k_0),
+                from_time,
+                bounds,
+                work,
+            )
+            # A moving obstacle's angle is rounded by its size.
+            turned = np.sum(np.abs(rates[first:end])) * (times[-1] - from_time)
+            result[sets, 0] = certified - ROUNDING * (1.0 + 1e-3 * turned)
+            result[sets, 1] = least
+            result[sets, 2] = worst
+        sets += 1
+        first = end
+    return result[:sets]
+
+
+@dataclass(frozen=True)
+class Clearance:
+    """Distances of a trajectory to what is forbidden, in continuous time.
+
+    Parameters
+    ----------
+    clearance
+        Certified lower bound of the distance [rad] to each forbidden set, by the obstacle's name
+        or the keep-in group's.
+    worst
+        Time [s] of the least distance found, per name.
+    reasons
+        What is entered, or can't be proven clear; empty when all is clear.
+    """
+
+    clearance: dict[str, float]
+    worst: dict[str, float]
+    reasons: tuple[str, ...]
+
+    @property
+    def certified(self) -> bool:
+        """Whether every forbidden set is proven to be kept clear of."""
+        return not self.reasons
+
+
+def certify_clearance(
+    trajectory: Trajectory,
+    problem: Problem,
+    *,
+    from_time: float = 0.0,
+    table: tuple[ObstacleTable, list[str]] | None = None,
+) -> Clearance:
+    """Bound a trajectory's distance to a problem's obstacles, from a given time on.
+
+    Parameters
+    ----------
+    trajectory
+        What is judged; it need not have been planned for this problem.
+    problem
+        Whose obstacles count; nothing else of it does.
+    from_time
+        Start of the part that is judged [s], in [0, duration]. The obstacles stand at their
+        places of time 0 then, and move on from there.
+    table
+        `obstacle_table(problem)`, where it is at hand.
+
+    Raises
+    ------
+    ValueError
+        `from_time` is outside the trajectory.
+    """
+    if not 0.0 <= from_time <= trajectory.duration:
+        raise ValueError(
+            f"from_time must lie in [0, {trajectory.duration:.9g}] s, got {from_time:.9g}"
+        )
+    rows, names = obstacle_table(problem) if table is None else table
+    result = bound_clearance(
+        trajectory.times,
+        trajectory.quaternions_xyzw,
+        trajectory.coefficients,
+        float(from_time),
+        (rows.kind, rows.place, rows.boresight, rows.rate, rows.radius, rows.group),
+        problem.duration,
+    ).tolist()
+    clearance: dict[str, float] = {}
+    worst: dict[str, float] = {}
+    reasons = []
+    for name, (bound, least, time) in zip(dict.fromkeys(names), result, strict=True):
+        clearance[name], worst[name] = bound, time
+        if not bound > 0.0:
+            reasons.append(_reason(name, bound, least, time))
+    return Clearance(clearance, worst, tuple(reasons))
+
+
+def _reason(name: str, bound: float, least: float, time: float) -> str:
+    if least <= 0.0:
+        return f"{name}: enters the zone by {-least:.6g} rad at t = {time:.6g} s"
+    return (
+        f"{name}: no clearance can be proven (found {least:.3g} rad at t = {time:.6g} s, proven"
+        f" {bound:.3g} rad)"
+    )

@@ -1,0 +1,142 @@
+"""The published quintics on an interval of time: their values, and bounds that hold throughout.
+
+Within interval k the attitude is `R_k exp(hat(xi(s)))` with a quintic xi. The right Jacobian of
+the exponential is the mean of `exp(-hat(u xi))` over u in [0, 1], whose norm is at most 1 and
+whose rate of change is at most `|xi'| / 2`. So everywhere
+
+    |v| <= |xi'|,    |a| <= |xi''| + |xi'|^2 / 2,
+
+and a polynomial on an interval lies in the convex hull of its Bernstein coefficients, so its
+norm is at most the largest of theirs.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from riem_planner.compiled import inlined
+
+
+@inlined
+def quaternion_times(p, q):
+    """Hamilton product of two quaternions x, y, z, w."""
+    return (
+        p[3] * q[0] + q[3] * p[0] + p[1] * q[2] - p[2] * q[1],
+        p[3] * q[1] + q[3] * p[1] + p[2] * q[0] - p[0] * q[2],
+        p[3] * q[2] + q[3] * p[2] + p[0] * q[1] - p[1] * q[0],
+        p[3] * q[3] - p[0] * q[0] - p[1] * q[1] - p[2] * q[2],
+    )
+
+
+@inlined
+def quaternion_of(x, y, z):
+    """Unit quaternion of a rotation vector [rad]."""
+    square = x * x + y * y + z * z
+    if square < 1e-8:
+        factor = 0.5 - square / 48.0
+        return factor * x, factor * y, factor * z, 1.0 - square / 8.0 + square * square / 384.0
+    angle = np.sqrt(square)
+    factor = np.sin(0.5 * angle) / angle
+    return factor * x, factor * y, factor * z, np.cos(0.5 * angle)
+
+
+@inlined
+def rotated(q, b):
+    """Vector b turned by a quaternion, times the quaternion's squared norm."""
+    tx = q[1] * b[2] - q[2] * b[1] + q[3] * b[0]
+    ty = q[2] * b[0] - q[0] * b[2] + q[3] * b[1]
+    tz = q[0] * b[1] - q[1] * b[0] + q[3] * b[2]
+    tw = q[0] * b[0] + q[1] * b[1] + q[2] * b[2]
+    return (
+        tw * q[0] + q[3] * tx + q[1] * tz - q[2] * ty,
+        tw * q[1] + q[3] * ty + q[2] * tx - q[0] * tz,
+        tw * q[2] + q[3] * tz + q[0] * ty - q[1] * tx,
+    )
+
+
+@inlined
+def quintic(c, i, s):
+    """Component i of xi at time s after the sample."""
+    return s * (c[1, i] + s * (c[2, i] + s * (c[3, i] + s * (c[4, i] + s * c[5, i]))))
+
+
+@inlined
+def attitude(p, c, s):
+    """Quaternion of the trajectory at time s after the sample with quaternion p."""
+    return quaternion_times(p, quaternion_of(quintic(c, 0, s), quintic(c, 1, s), quintic(c, 2, s)))
+
+
+@inlined
+def motion_bounds(c, s, h):
+    """Upper bounds of |v| and |a| on [s, s + h] of one interval."""
+    V0 = V1 = V2 = V3 = V4 = A0 = A1 = A2 = A3 = 0.0
+    for i in range(3):
+        c1, c2, c3, c4, c5 = c[1, i], c[2, i], c[3, i], c[4, i], c[5, i]
+        # Taylor coefficients of xi' at s, times powers of h, and their Bernstein form.
+        p0 = c1 + s * (2 * c2 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))
+        p1 = h * (2 * c2 + s * (6 * c3 + s * (12 * c4 + s * 20 * c5)))
+        p2 = h * h * (3 * c3 + s * (12 * c4 + s * 30 * c5))
+        p3 = h * h * h * (4 * c4 + s * 20 * c5)
+        p4 = h * h * h * h * 5 * c5
+        V0 += p0**2
+        V1 += (p0 + p1 / 4) ** 2
+        V2 += (p0 + p1 / 2 + p2 / 6) ** 2
+        V3 += (p0 + 3 * p1 / 4 + p2 / 2 + p3 / 4) ** 2
+        V4 += (p0 + p1 + p2 + p3 + p4) ** 2
+        A0 += p1**2
+        A1 += (p1 + 2 * p2 / 3) ** 2
+        A2 += (p1 + 4 * p2 / 3 + p3) ** 2
+        A3 += (p1 + 2 * p2 + 3 * p3 + 4 * p4) ** 2
+    V = np.sqrt(max(V0, V1, V2, V3, V4))
+    return V, np.sqrt(max(A0, A1, A2, A3)) / h + 0.5 * V * V
+
+
+@inlined
+def derivatives(c, s):
+    """xi, xi' and xi'' at time s after the sample, each (3,)."""
+    xi, xi_1, xi_2 = np.empty(3), np.empty(3), np.empty(3)
+    for i in range(3):
+        xi[i] = quintic(c, i, s)
+        xi_1[i] = c[1, i] + s * (
+            2 * c[2, i] + s * (3 * c[3, i] + s * (4 * c[4, i] + s * 5 * c[5, i]))
+        )
+        xi_2[i] = 2 * c[2, i] + s * (6 * c[3, i] + s * (12 * c[4, i] + s * 20 * c[5, i]))
+    return xi, xi_1, xi_2
+
+
+@inlined
+def cross(a, b):
+    """Cross product of two vectors."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+@inlined
+def motion(xi, xi_1, xi_2):
+    """Body rate and acceleration of `exp(hat(xi))` from xi and its derivatives.
+
+    `v = xi' - A c + B xi x c` with `c = xi x xi'`, `A = (1 - cos x) / x^2`,
+    `B = (x - sin x) / x^3`, `x = |xi|`, and a is its derivative.
+    """
+    z = xi[0] ** 2 + xi[1] ** 2 + xi[2] ** 2
+    inner = xi[0] * xi_1[0] + xi[1] * xi_1[1] + xi[2] * xi_1[2]
+    if z < 0.04:
+        A = 0.5 - z / 24 * (1 - z / 30 * (1 - z / 56 * (1 - z / 90)))
+        B = 1 / 6 - z / 120 * (1 - z / 42 * (1 - z / 72 * (1 - z / 110)))
+        A_1 = -inner / 12 * (1 - z / 15 * (1 - z * 3 / 112 * (1 - z * 2 / 135)))
+        B_1 = -inner / 60 * (1 - z / 21 * (1 - z / 48 * (1 - z * 2 / 165)))
+    else:
+        x = np.sqrt(z)
+        A = (1 - np.cos(x)) / z
+        B = (x - np.sin(x)) / (x * z)
+        A_1 = inner * (1 - z * B - 2 * A) / z
+        B_1 = inner * (A - 3 * B) / z
+    c = cross(xi, xi_1)
+    d = cross(xi, c)
+    e = cross(xi, xi_2)
+    f = cross(xi_1, c)
+    g = cross(xi, e)
+    v, a = np.empty(3), np.empty(3)
+    for i in range(3):
+        v[i] = xi_1[i] - A * c[i] + B * d[i]
+        a[i] = xi_2[i] - A * e[i] - A_1 * c[i] + B_1 * d[i] + B * (f[i] + g[i])
+    return v, a
