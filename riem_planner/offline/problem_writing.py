@@ -1,0 +1,56 @@
+"""A `Problem` to the document that states it: the inverse of `problem_files`."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from riem_planner.obstacles import Obstacle, OrientationObstacle
+from riem_planner.offline.problem_files import AUTO, StatedProblem
+from riem_planner.problem import State
+
+
+def problem_document(stated: StatedProblem) -> dict[str, Any]:
+    """Document that states a problem, of plain values; `stated_problem` reads it back."""
+    problem = stated.problem
+    document: dict[str, Any] = {"name": problem.name} if problem.name else {}
+    document["space"] = problem.space.name
+    document["boresight"] = problem.boresight.tolist()
+    document["duration"] = AUTO if stated.least_duration else problem.duration
+    if problem.normalized_tension is not None:
+        document["normalized_tension"] = problem.normalized_tension
+    else:
+        document["tension"] = problem.sigma
+    for key, state in (("start", problem.start), ("goal", problem.goal)):
+        document[key] = {
+            "orientation": state.quaternion_xyzw.tolist(),
+            "angular_velocity": state.angular_velocity.tolist(),
+        }
+    document["obstacles"] = [_obstacle_document(obstacle) for obstacle in problem.obstacles]
+    if stated.limits is not None:
+        document.update(stated.limits.document())
+    return document
+
+
+def _obstacle_document(obstacle: Obstacle) -> dict[str, Any]:
+    document: dict[str, Any] = {"name": obstacle.name, "kind": obstacle.kind}
+    if isinstance(obstacle, OrientationObstacle):
+        document["orientation"] = State(obstacle.orientation).quaternion_xyzw.tolist()
+        document["radius_deg"] = math.degrees(obstacle.radius)
+    else:
+        document["direction"] = obstacle.direction.tolist()
+        document["boresight"] = np.asarray(obstacle.boresight).tolist()
+        document["half_angle_deg"] = math.degrees(obstacle.half_angle)
+        if obstacle.group is not None:
+            document["group"] = obstacle.group
+    if obstacle.normalized_strength is not None:
+        document["normalized_strength"] = obstacle.normalized_strength
+    else:
+        document["strength"] = obstacle.strength
+    if np.any(obstacle.rate):
+        document["rate"] = obstacle.rate.tolist()
+    if obstacle.range is not None:
+        document["range_deg"] = [math.degrees(angle) for angle in obstacle.range]
+    return document
