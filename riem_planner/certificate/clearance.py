@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from riem_planner.certificate.interval import (
     attitude,
+    cross,
     motion_bounds,
     quaternion_of,
     quaternion_times,
@@ -49,26 +50,32 @@ ROUNDING = 1e-12
 """Subtracted from every clearance [rad]; rounding of a distance is a hundred times smaller."""
 
 _ORIENTATION, _KEEP_IN = 0, 2
+# Columns of an obstacle's row.
+_KIND, _SIGN, _RADIUS, _GROUP, _SPEED, _PLACE, _BORESIGHT, _RATE, _COLUMNS = (
+    0, 1, 2, 3, 4, 5, 9, 12, 15,
+)
 _STEEP = 1e30  # stands for infinity, but gives 0 times 0
 _DEPTH = 48  # halvings of one interval
 _EVALUATIONS = 200_000  # per forbidden set; a hundredth suffices wherever the margin is above 1e-6
 
 
 @inlined
-def _distance(kind, place, boresight, rate, q, t):
-    """Distance of the attitude q at time t to one obstacle."""
-    if rate[0] != 0.0 or rate[1] != 0.0 or rate[2] != 0.0:
+def _distance(rows, i, q, t):
+    """Distance of the attitude q at time t to obstacle i."""
+    x, y, z = rows[i, _RATE], rows[i, _RATE + 1], rows[i, _RATE + 2]
+    if x != 0.0 or y != 0.0 or z != 0.0:
         # The frame that turns with the obstacle, in which it is fixed.
-        q = quaternion_times(quaternion_of(-rate[0] * t, -rate[1] * t, -rate[2] * t), q)
-    if kind == _ORIENTATION:
-        p = quaternion_times((-place[0], -place[1], -place[2], place[3]), q)
+        q = quaternion_times(quaternion_of(-x * t, -y * t, -z * t), q)
+    place = (rows[i, _PLACE], rows[i, _PLACE + 1], rows[i, _PLACE + 2])
+    if rows[i, _KIND] == _ORIENTATION:
+        p = quaternion_times((-place[0], -place[1], -place[2], rows[i, _PLACE + 3]), q)
         return 2.0 * np.arctan2(np.sqrt(p[0] ** 2 + p[1] ** 2 + p[2] ** 2), abs(p[3]))
-    x, y, z = rotated(q, boresight)
-    cx = y * place[2] - z * place[1]
-    cy = z * place[0] - x * place[2]
-    cz = x * place[1] - y * place[0]
+    b = (rows[i, _BORESIGHT], rows[i, _BORESIGHT + 1], rows[i, _BORESIGHT + 2])
+    x = rotated(q, b)
+    c = cross(x, place)
     return np.arctan2(
-        np.sqrt(cx * cx + cy * cy + cz * cz), x * place[0] + y * place[1] + z * place[2]
+        np.sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]),
+        x[0] * place[0] + x[1] * place[1] + x[2] * place[2],
     )
 
 
@@ -83,33 +90,45 @@ def _curvature(kind, low, high):
 
 
 @inlined
-def _lower_bound(first, end, obstacles, left, right, V, A, h):
-    """Lower bound of a set's margin on an interval with distances left and right at its ends."""
-    kinds, _, _, rates, radii = obstacles
-    bound = m_0 = m_1 = -np.inf
-    L = 0.0
-    for i in range(first, end):
-        rate = np.sqrt(rates[i, 0] ** 2 + rates[i, 1] ** 2 + rates[i, 2] ** 2)
-        w = V + rate
-        L = max(L, w)
-        mean, half = 0.5 * (left[i] + right[i]), 0.5 * w * h
-        sign = -1.0 if kinds[i] == _KEEP_IN else 1.0
-        own_0, own_1 = sign * (left[i] - radii[i]), sign * (right[i] - radii[i])
-        M = A + V * rate + w * w * _curvature(kinds[i], mean - half, mean + half)
-        bound = max(bound, min(own_0, own_1) - 0.125 * M * h * h)
-        m_0, m_1 = max(m_0, own_0), max(m_1, own_1)
-    return max(bound, 0.5 * (m_0 + m_1 - L * h))
+def _own_margin(rows, i, distance):
+    """Margin of obstacle i at a distance."""
+    return rows[i, _SIGN] * (distance - rows[i, _RADIUS])
 
 
 @inlined
-def _margin(first, end, obstacles, q, t, distances):
-    """Margin of the set first to end at attitude q and time t; writes the distance to each."""
-    kinds, places, boresights, rates, radii = obstacles
+def _first_bound(first, end, rows, left, right, depth, V, h):
+    """Lower bound of a set's margin between distances left and right, by its rate of change."""
+    m_0 = m_1 = -np.inf
+    L = 0.0
+    for i in range(first, end):
+        L = max(L, V + rows[i, _SPEED])
+        m_0 = max(m_0, _own_margin(rows, i, left[i]))
+        m_1 = max(m_1, _own_margin(rows, i, right[depth, i]))
+    return 0.5 * (m_0 + m_1 - L * h)
+
+
+@inlined
+def _second_bound(first, end, rows, left, right, depth, V, A, h):
+    """Lower bound of a set's margin between distances left and right, by its curvature."""
+    bound = -np.inf
+    for i in range(first, end):
+        d_0, d_1, rate = left[i], right[depth, i], rows[i, _SPEED]
+        w = V + rate
+        mean, half = 0.5 * (d_0 + d_1), 0.5 * w * h
+        M = A + V * rate + w * w * _curvature(rows[i, _KIND], mean - half, mean + half)
+        lower = min(_own_margin(rows, i, d_0), _own_margin(rows, i, d_1))
+        bound = max(bound, lower - 0.125 * M * h * h)
+    return bound
+
+
+@inlined
+def _margin(first, end, rows, q, t, distances, m):
+    """Margin of the set first to end at attitude q and time t; row m gets the distances."""
     margin = -np.inf
     for i in range(first, end):
-        distances[i] = _distance(kinds[i], places[i], boresights[i], rates[i], q, t)
-        sign = -1.0 if kinds[i] == _KEEP_IN else 1.0
-        margin = max(margin, sign * (distances[i] - radii[i]))
+        distance = _distance(rows, i, q, t)
+        distances[m, i] = distance
+        margin = max(margin, _own_margin(rows, i, distance))
     return margin
 
 
@@ -122,20 +141,16 @@ def _slack(margin):
 
 
 @inlined
-def _bound_set(first, end, obstacles, curve, from_time, bounds, work):
+def _bound_set(first, end, rows, times, quaternions, coefficients, k_0, from_time, bounds, work):
     """Certified lower bound, least margin found, and its time, of one forbidden set."""
-    times, quaternions, coefficients, k_0 = curve
     sampled, right, right_s, left = work
     count = times.size - k_0
     least, worst = np.inf, from_time
     for m in range(count):
         k = k_0 + m
         t = times[k] if m > 0 else from_time
-        p = quaternions[k]
-        q = (p[0], p[1], p[2], p[3])
-        if m == 0:
-            q = attitude(p, coefficients[k], from_time - times[k])
-        margin = _margin(first, end, obstacles, q, t - from_time, sampled[m])
+        q = attitude(quaternions, coefficients, k, t - times[k])
+        margin = _margin(first, end, rows, q, t - from_time, sampled, m)
         if margin < least:
             least, worst = margin, t
     certified = np.inf
@@ -146,30 +161,55 @@ def _bound_set(first, end, obstacles, curve, from_time, bounds, work):
         # Intervals from left to right: `right` is a stack of the ends still ahead.
         depth = 0
         right_s[0] = times[k + 1] - times[k]
-        left[first:end] = sampled[m, first:end]
-        right[0, first:end] = sampled[m + 1, first:end]
+        for i in range(first, end):
+            left[i], right[0, i] = sampled[m, i], sampled[m + 1, i]
         while depth >= 0:
             h = right_s[depth] - s
             V, A = bounds[m, 0], bounds[m, 1]
             if depth > 0:
-                V, A = motion_bounds(coefficients[k], s, h)
-            bound = _lower_bound(first, end, obstacles, left, right[depth], V, A, h)
-            enough = bound >= least - _slack(least)
-            if enough or depth == _DEPTH or evaluations == _EVALUATIONS:
+                V, A = motion_bounds(coefficients, k, s, h)
+            goal = least - _slack(least)
+            bound = _first_bound(first, end, rows, left, right, depth, V, h)
+            if bound < goal:
+                second = _second_bound(first, end, rows, left, right, depth, V, A, h)
+                bound = max(bound, second)
+            if bound >= goal or depth == _DEPTH or evaluations == _EVALUATIONS:
                 certified = min(certified, bound)
-                left[first:end] = right[depth, first:end]
+                for i in range(first, end):
+                    left[i] = right[depth, i]
                 s = right_s[depth]
                 depth -= 1
                 continue
             evaluations += 1
             depth += 1
             right_s[depth] = s + 0.5 * h
-            q = attitude(quaternions[k], coefficients[k], right_s[depth])
             t = times[k] + right_s[depth]
-            margin = _margin(first, end, obstacles, q, t - from_time, right[depth])
+            q = attitude(quaternions, coefficients, k, right_s[depth])
+            margin = _margin(first, end, rows, q, t - from_time, right, depth)
             if margin < least:
                 least, worst = margin, t
     return min(certified, least), least, worst
+
+
+@inlined
+def _packed(table, duration):
+    """The obstacles as rows of one array, rates in rad/s."""
+    kinds, places, boresights, turns, radii, groups = table
+    rows = np.empty((kinds.size, _COLUMNS))
+    for i in range(kinds.size):
+        rows[i, _KIND] = kinds[i]
+        rows[i, _SIGN] = -1.0 if kinds[i] == _KEEP_IN else 1.0
+        rows[i, _RADIUS] = radii[i]
+        square = 0.0
+        for j in range(3):
+            rows[i, _PLACE + j] = places[i, j]
+            rows[i, _BORESIGHT + j] = boresights[i, j]
+            rows[i, _RATE + j] = turns[i, j] / duration
+            square += rows[i, _RATE + j] ** 2
+        rows[i, _PLACE + 3] = places[i, 3]
+        rows[i, _SPEED] = np.sqrt(square)
+        rows[i, _GROUP] = groups[i]
+    return rows
 
 
 @kernel
@@ -178,39 +218,30 @@ def bound_clearance(times, quaternions, coefficients, from_time, table, duration
 
     All NaN if the trajectory is not finite.
     """
-    kinds, places, boresights, turns, radii, groups = table
-    n = kinds.size
-    rates = turns / duration
+    rows = _packed(table, duration)
+    n = rows.shape[0]
     k_0 = min(max(np.searchsorted(times, from_time, side="right") - 1, 0), times.size - 2)
     count = times.size - k_0
     bounds = np.empty((count - 1, 2))
     for m in range(count - 1):
         s = from_time - times[k_0] if m == 0 else 0.0
         h = times[k_0 + m + 1] - times[k_0 + m] - s
-        bounds[m] = motion_bounds(coefficients[k_0 + m], s, h)
-    work = (
-        np.empty((count, n)), np.empty((_DEPTH + 1, n)), np.empty(_DEPTH + 1), np.empty(n)
-    )
+        bounds[m, 0], bounds[m, 1] = motion_bounds(coefficients, k_0 + m, s, h)
+    work = (np.empty((count, n)), np.empty((_DEPTH + 1, n)), np.empty(_DEPTH + 1), np.empty(n))
     finite = np.isfinite(np.sum(coefficients)) and np.isfinite(np.sum(quaternions))
     result = np.full((n, 3), np.nan)
     sets = 0
     first = 0
     while first < n:
         end = first + 1
-        while end < n and kinds[first] == _KEEP_IN and groups[end] == groups[first]:
+        while end < n and rows[first, _SIGN] < 0.0 and rows[end, _GROUP] == rows[first, _GROUP]:
             end += 1
         if finite:
             certified, least, worst = _bound_set(
-                first,
-                end,
-                (kinds, places, boresights, rates, radii),
-                (times, quaternions, coefficients, k_0),
-                from_time,
-                bounds,
-                work,
+                first, end, rows, times, quaternions, coefficients, k_0, from_time, bounds, work
             )
             # A moving obstacle's angle is rounded by its size.
-            turned = np.sum(np.abs(rates[first:end])) * (times[-1] - from_time)
+            turned = np.sum(rows[first:end, _SPEED]) * (times[-1] - from_time)
             result[sets, 0] = certified - ROUNDING * (1.0 + 1e-3 * turned)
             result[sets, 1] = least
             result[sets, 2] = worst

@@ -11,7 +11,9 @@ from riem_planner.certificate.interval import (
     motion,
     motion_bounds,
     quaternion_times,
+    quintic,
     rotated,
+    sample,
 )
 from riem_planner.compiled import inlined, kernel
 
@@ -23,8 +25,8 @@ _PIECES = 128  # of the whole trajectory, at least, on which its rate is bounded
 
 
 @inlined
-def _matrix_times_quaternion_columns(R, q):
-    """Angle of `R^T R(q)`, by the sine and cosine of its skew part and trace."""
+def _angle_between(R, q):
+    """Angle [rad] of `R^T R(q)`, by its skew part (the sine) and trace (the cosine)."""
     X = rotated(q, (1.0, 0.0, 0.0))
     Y = rotated(q, (0.0, 1.0, 0.0))
     Z = rotated(q, (0.0, 0.0, 1.0))
@@ -43,10 +45,15 @@ def _norm(x):
 
 
 @inlined
+def _dot(x, y):
+    return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
+
+
+@inlined
 def _attitude_error(q, v, R, u):
     """Distance [rad] of an attitude and its rate v to a state R, u."""
     return (
-        _matrix_times_quaternion_columns(R, q),
+        _angle_between(R, q),
         _norm((v[0] - u[0], v[1] - u[1], v[2] - u[2])),
     )
 
@@ -67,22 +74,90 @@ def _direction_error(q, v, R, u, b):
     x_1, y_1 = rotated(q, cross(v, b)), _turned(R, cross(u, b))
     sine = _norm(cross(x, y))
     return (
-        np.arctan2(sine, x[0] * y[0] + x[1] * y[1] + x[2] * y[2]),
+        np.arctan2(sine, _dot(x, y)),
         _norm((x_1[0] - y_1[0], x_1[1] - y_1[1], x_1[2] - y_1[2])),
     )
 
 
 @inlined
-def _join_error(c, p, q, v, a, h):
-    """Mismatch of an interval's end and the next sample [rad]; of v times h, of a times h^2."""
-    xi, xi_1, xi_2 = derivatives(c, h)
-    end_v, end_a = motion(xi, xi_1, xi_2)
-    end = attitude((p[0], p[1], p[2], p[3]), c, h)
+def _join_error(c, quaternions, rates, accelerations, k, h):
+    """Mismatch of interval k's end and the next sample [rad]; of v times h, of a times h^2."""
+    xi, xi_1, xi_2 = derivatives(c, k, h)
+    v, a = motion(xi, xi_1, xi_2)
+    q = sample(quaternions, k + 1)
+    end = attitude(quaternions, c, k, h)
     r = quaternion_times((-q[0], -q[1], -q[2], q[3]), end)
     error = 2.0 * np.arctan2(_norm(r), abs(r[3]))
     for i in range(3):
-        error = max(error, h * abs(end_v[i] - v[i]), h * h * abs(end_a[i] - a[i]))
-    return error, _norm(xi)
+        error = max(
+            error,
+            h * abs(v[i] - rates[k + 1, i]),
+            h * h * abs(a[i] - accelerations[k + 1, i]),
+        )
+    return error
+
+
+@inlined
+def _unexplained(c, rates, accelerations, k, h):
+    """Turn [rad] from sample k to the next less that which rates and accelerations explain."""
+    square = 0.0
+    for i in range(3):
+        explained = 0.5 * h * (rates[k, i] + rates[k + 1, i]) + h * h / 12 * (
+            accelerations[k, i] - accelerations[k + 1, i]
+        )
+        square += (quintic(c, k, i, h) - explained) ** 2
+    return np.sqrt(square)
+
+
+@inlined
+def _turn(quaternions, k):
+    """Angle [rad] from sample k to the next, past pi if the sign flips."""
+    p, q = sample(quaternions, k), sample(quaternions, k + 1)
+    r = quaternion_times((-p[0], -p[1], -p[2], p[3]), q)
+    return 2.0 * np.arctan2(_norm(r), r[3])
+
+
+@inlined
+def _check_samples(result, quaternions, rates, boresight, sphere):
+    """Unit norms and, on S^2, no roll; returns the greatest rate."""
+    fastest = 0.0
+    for k in range(rates.shape[0]):
+        square = 0.0
+        for i in range(4):
+            square += quaternions[k, i] ** 2
+        result[NORM] = max(result[NORM], abs(np.sqrt(square) - 1.0))
+        v = (rates[k, 0], rates[k, 1], rates[k, 2])
+        fastest = max(fastest, _norm(v))
+        if sphere:
+            result[ROLL] = max(result[ROLL], abs(_dot(v, boresight)))
+    return fastest
+
+
+@inlined
+def _check_intervals(result, times, quaternions, rates, accelerations, c, boresight, sphere):
+    """Joins, turns, jumps, the bound of the rate and, on S^2, roll half-way."""
+    fastest = _check_samples(result, quaternions, rates, boresight, sphere)
+    last = times.size - 1
+    pieces = 1 + _PIECES // last
+    for k in range(last):
+        h = times[k + 1] - times[k]
+        result[JOIN] = max(
+            result[JOIN], _join_error(c, quaternions, rates, accelerations, k, h)
+        )
+        turn = _turn(quaternions, k)
+        if turn > result[TURN]:
+            result[TURN], result[TURN_TIME] = turn, times[k]
+        # One interval alone, from rest to rest, may well be a slew.
+        jump = _unexplained(c, rates, accelerations, k, h) / (h * fastest + 1e-6)
+        if last > 1 and jump > result[JUMP]:
+            result[JUMP], result[JUMP_TIME] = jump, times[k]
+        for piece in range(pieces):
+            V, _ = motion_bounds(c, k, piece * h / pieces, h / pieces)
+            result[RATE] = max(result[RATE], V)
+        if sphere:
+            xi, xi_1, xi_2 = derivatives(c, k, 0.5 * h)
+            v, _ = motion(xi, xi_1, xi_2)
+            result[ROLL_BETWEEN] = max(result[ROLL_BETWEEN], abs(_dot(v, boresight)))
 
 
 @kernel
@@ -92,60 +167,21 @@ def examine_curve(times, quaternions, rates, accelerations, coefficients, ends, 
     `ends` are the start's attitude and rate and the goal's: (3, 3), (3,), (3, 3), (3,).
     """
     result = np.zeros(14)
-    last = times.size - 1
     total = np.sum(coefficients) + np.sum(quaternions) + np.sum(rates) + np.sum(accelerations)
     if not np.isfinite(total):
         return result
     result[FINITE] = 1.0
-    fastest = 0.0
-    for k in range(last + 1):
-        q, v = quaternions[k], rates[k]
-        norm = np.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2)
-        result[NORM] = max(result[NORM], abs(norm - 1.0))
-        fastest = max(fastest, _norm(v))
+    _check_intervals(
+        result, times, quaternions, rates, accelerations, coefficients, boresight, sphere
+    )
+    last = times.size - 1
+    for end in range(2):
+        q = sample(quaternions, end * last)
+        v = (rates[end * last, 0], rates[end * last, 1], rates[end * last, 2])
+        R, u = (ends[0], ends[1]) if end == 0 else (ends[2], ends[3])
         if sphere:
-            roll = abs(v[0] * boresight[0] + v[1] * boresight[1] + v[2] * boresight[2])
-            result[ROLL] = max(result[ROLL], roll)
-    pieces = 1 + _PIECES // last
-    for k in range(last):
-        c = coefficients[k]
-        h = times[k + 1] - times[k]
-        p, q = quaternions[k], quaternions[k + 1]
-        error, turn = _join_error(c, p, q, rates[k + 1], accelerations[k + 1], h)
-        result[JOIN] = max(result[JOIN], error)
-        if p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3] < 0.0:
-            turn = 2.0 * np.pi - turn
-        if turn > result[TURN]:
-            result[TURN], result[TURN_TIME] = turn, times[k]
-        jump = 0.0
-        for i in range(3):
-            # The turn that rates and accelerations at both ends account for.
-            explained = 0.5 * h * (rates[k, i] + rates[k + 1, i]) + h * h / 12 * (
-                accelerations[k, i] - accelerations[k + 1, i]
-            )
-            jump += (h * (c[1, i] + h * (c[2, i] + h * (c[3, i] + h * (c[4, i] + h * c[5, i])))) - explained) ** 2
-        jump = np.sqrt(jump) / (h * fastest + 1e-6)
-        if last > 1 and jump > result[JUMP]:
-            result[JUMP], result[JUMP_TIME] = jump, times[k]
-        for piece in range(pieces):
-            V, _ = motion_bounds(c, piece * h / pieces, h / pieces)
-            result[RATE] = max(result[RATE], V)
-        if sphere:
-            xi, xi_1, xi_2 = derivatives(c, 0.5 * h)
-            v, _ = motion(xi, xi_1, xi_2)
-            roll = abs(v[0] * boresight[0] + v[1] * boresight[1] + v[2] * boresight[2])
-            result[ROLL_BETWEEN] = max(result[ROLL_BETWEEN], roll)
-    first, goal = quaternions[0], quaternions[last]
-    q_0 = (first[0], first[1], first[2], first[3])
-    q_1 = (goal[0], goal[1], goal[2], goal[3])
-    if sphere:
-        result[START], result[START_RATE] = _direction_error(
-            q_0, rates[0], ends[0], ends[1], boresight
-        )
-        result[GOAL], result[GOAL_RATE] = _direction_error(
-            q_1, rates[last], ends[2], ends[3], boresight
-        )
-    else:
-        result[START], result[START_RATE] = _attitude_error(q_0, rates[0], ends[0], ends[1])
-        result[GOAL], result[GOAL_RATE] = _attitude_error(q_1, rates[last], ends[2], ends[3])
+            error, rate_error = _direction_error(q, v, R, u, boresight)
+        else:
+            error, rate_error = _attitude_error(q, v, R, u)
+        result[START + 2 * end], result[START_RATE + 2 * end] = error, rate_error
     return result

@@ -55,23 +55,34 @@ def rotated(q, b):
 
 
 @inlined
-def quintic(c, i, s):
+def quintic(c, k, i, s):
     """Component i of xi at time s after the sample."""
-    return s * (c[1, i] + s * (c[2, i] + s * (c[3, i] + s * (c[4, i] + s * c[5, i]))))
+    tail = c[k, 3, i] + s * (c[k, 4, i] + s * c[k, 5, i])
+    return s * (c[k, 1, i] + s * (c[k, 2, i] + s * tail))
 
 
 @inlined
-def attitude(p, c, s):
-    """Quaternion of the trajectory at time s after the sample with quaternion p."""
-    return quaternion_times(p, quaternion_of(quintic(c, 0, s), quintic(c, 1, s), quintic(c, 2, s)))
+def sample(quaternions, k):
+    """Quaternion of sample k."""
+    return quaternions[k, 0], quaternions[k, 1], quaternions[k, 2], quaternions[k, 3]
 
 
 @inlined
-def motion_bounds(c, s, h):
+def attitude(quaternions, c, k, s):
+    """Quaternion of the trajectory at time s after sample k."""
+    p = sample(quaternions, k)
+    if s == 0.0:
+        return p
+    turn = quaternion_of(quintic(c, k, 0, s), quintic(c, k, 1, s), quintic(c, k, 2, s))
+    return quaternion_times(p, turn)
+
+
+@inlined
+def motion_bounds(c, k, s, h):
     """Upper bounds of |v| and |a| on [s, s + h] of one interval."""
     V0 = V1 = V2 = V3 = V4 = A0 = A1 = A2 = A3 = 0.0
     for i in range(3):
-        c1, c2, c3, c4, c5 = c[1, i], c[2, i], c[3, i], c[4, i], c[5, i]
+        c1, c2, c3, c4, c5 = c[k, 1, i], c[k, 2, i], c[k, 3, i], c[k, 4, i], c[k, 5, i]
         # Taylor coefficients of xi' at s, times powers of h, and their Bernstein form.
         p0 = c1 + s * (2 * c2 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))
         p1 = h * (2 * c2 + s * (6 * c3 + s * (12 * c4 + s * 20 * c5)))
@@ -92,16 +103,24 @@ def motion_bounds(c, s, h):
 
 
 @inlined
-def derivatives(c, s):
-    """xi, xi' and xi'' at time s after the sample, each (3,)."""
-    xi, xi_1, xi_2 = np.empty(3), np.empty(3), np.empty(3)
-    for i in range(3):
-        xi[i] = quintic(c, i, s)
-        xi_1[i] = c[1, i] + s * (
-            2 * c[2, i] + s * (3 * c[3, i] + s * (4 * c[4, i] + s * 5 * c[5, i]))
-        )
-        xi_2[i] = 2 * c[2, i] + s * (6 * c[3, i] + s * (12 * c[4, i] + s * 20 * c[5, i]))
-    return xi, xi_1, xi_2
+def _slope(c, k, i, s):
+    tail = 3 * c[k, 3, i] + s * (4 * c[k, 4, i] + s * 5 * c[k, 5, i])
+    return c[k, 1, i] + s * (2 * c[k, 2, i] + s * tail)
+
+
+@inlined
+def _second(c, k, i, s):
+    return 2 * c[k, 2, i] + s * (6 * c[k, 3, i] + s * (12 * c[k, 4, i] + s * 20 * c[k, 5, i]))
+
+
+@inlined
+def derivatives(c, k, s):
+    """xi, xi' and xi'' at time s after the sample."""
+    return (
+        (quintic(c, k, 0, s), quintic(c, k, 1, s), quintic(c, k, 2, s)),
+        (_slope(c, k, 0, s), _slope(c, k, 1, s), _slope(c, k, 2, s)),
+        (_second(c, k, 0, s), _second(c, k, 1, s), _second(c, k, 2, s)),
+    )
 
 
 @inlined
@@ -135,8 +154,14 @@ def motion(xi, xi_1, xi_2):
     e = cross(xi, xi_2)
     f = cross(xi_1, c)
     g = cross(xi, e)
-    v, a = np.empty(3), np.empty(3)
-    for i in range(3):
-        v[i] = xi_1[i] - A * c[i] + B * d[i]
-        a[i] = xi_2[i] - A * e[i] - A_1 * c[i] + B_1 * d[i] + B * (f[i] + g[i])
+    v = (
+        xi_1[0] - A * c[0] + B * d[0],
+        xi_1[1] - A * c[1] + B * d[1],
+        xi_1[2] - A * c[2] + B * d[2],
+    )
+    a = (
+        xi_2[0] - A * e[0] - A_1 * c[0] + B_1 * d[0] + B * (f[0] + g[0]),
+        xi_2[1] - A * e[1] - A_1 * c[1] + B_1 * d[1] + B * (f[1] + g[1]),
+        xi_2[2] - A * e[2] - A_1 * c[2] + B_1 * d[2] + B * (f[2] + g[2]),
+    )
     return v, a
