@@ -66,6 +66,20 @@ _CoreLoader.add_constructor("tag:riem_planner:int", lambda _, node: int(node.val
 _CoreLoader.add_constructor("tag:riem_planner:float", _construct_float)
 
 
+def decoded(content: bytes) -> str:
+    """Text of a file or a line in UTF-8, with or without a byte order mark.
+
+    Raises
+    ------
+    InvalidProblemError
+        It is something else.
+    """
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InvalidProblemError("document", f"expected UTF-8 text: {error}") from None
+
+
 def parse_yaml(text: str) -> Any:
     """Value of a YAML document; mappings are `Mapping`.
 

@@ -8,7 +8,7 @@ whole path, the value, and what to do.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ import numpy as np
 
 from riem_planner.errors import InvalidProblemError
 from riem_planner.obstacles import Obstacle, OrientationObstacle, Zone
-from riem_planner.offline.documents import parse_json, parse_yaml
+from riem_planner.offline.documents import decoded, parse_json, parse_yaml
 from riem_planner.offline.limits_section import StatedLimits, read_limits
 from riem_planner.offline.section import Section, joined, shown, within
 from riem_planner.problem import S2, SO3, Problem, Space, State, horizontal_rate
@@ -58,6 +58,12 @@ class StatedProblem:
     limits: StatedLimits | None = None
     least_duration: bool = False
 
+    def with_duration(self, duration: float) -> StatedProblem:
+        """The same with the duration that was found, where the file asks for the least."""
+        if not self.least_duration:
+            return self
+        return replace(self, problem=replace(self.problem, duration=duration))
+
 
 class StateInZoneError(InvalidProblemError):
     """The start or the goal of a problem is inside a zone."""
@@ -76,13 +82,10 @@ def read_problem(path: Path) -> StatedProblem:
     parse = {".yaml": parse_yaml, ".yml": parse_yaml, ".json": parse_json}.get(path.suffix.lower())
     if parse is None:
         raise InvalidProblemError(
-            str(path), "expected a file name that ends in .yaml, .json or .jsonl; rename it"
+            "file name",
+            f"expected one ending in .yaml, .json or .jsonl, got {path.name}; rename it",
         )
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InvalidProblemError(str(path), f"expected UTF-8 text: {error}") from None
-    return stated_problem(parse(text))
+    return stated_problem(parse(decoded(path.read_bytes())))
 
 
 def stated_problem(document: Any) -> StatedProblem:

@@ -6,6 +6,7 @@ import difflib
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from riem_planner.errors import InvalidProblemError
@@ -23,6 +24,15 @@ def within(path: str) -> Iterator[None]:
         yield
     except InvalidProblemError as error:
         raise InvalidProblemError(joined(path, error.key), error.problem) from None
+
+
+@contextmanager
+def of_file(path: Path) -> Iterator[None]:
+    """Put a file's name before the key of an InvalidProblemError that the body raises."""
+    try:
+        yield
+    except InvalidProblemError as error:
+        raise InvalidProblemError(f"{path}: {error.key}", error.problem) from None
 
 
 def joined(path: str, key: str) -> str:

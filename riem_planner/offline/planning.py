@@ -1,0 +1,91 @@
+"""From a stated problem to what is published: solve, resample evenly, certify again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from riem_planner.certificate import Certificate, certify
+from riem_planner.offline.problem_files import StatedProblem
+from riem_planner.plan import solve
+from riem_planner.problem import Problem
+from riem_planner.solution import Solution, Status
+from riem_planner.trajectory import Trajectory
+
+DEFAULT_SAMPLES = 201
+_DOUBLINGS = 4  # of the samples, before the certificate of the samples is given up
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What a plan file holds.
+
+    Parameters
+    ----------
+    stated
+        The problem as stated, with the duration that was found where it asked for the least.
+    solution
+        Outcome of the solve; its status is NO_CERTIFIED_TRAJECTORY if the samples are refused.
+    trajectory
+        The evenly sampled trajectory; None unless certified.
+    certificate
+        The verdict on that trajectory itself; None where there is none to judge.
+    """
+
+    stated: StatedProblem
+    solution: Solution
+    trajectory: Trajectory | None = None
+    certificate: Certificate | None = None
+
+    @property
+    def certified(self) -> bool:
+        """Whether it holds a certified trajectory."""
+        return self.trajectory is not None
+
+
+def plan_stated(stated: StatedProblem, samples: int = DEFAULT_SAMPLES) -> Plan:
+    """Plan a stated problem; what can't be planned is a value, as in `solve`.
+
+    Parameters
+    ----------
+    stated
+        The problem.
+    samples
+        Number of evenly spaced samples, at least 2. Between them a plan means the quintic of
+        `Trajectory`, so few samples are another trajectory than was solved for: if its
+        certificate fails, the number is doubled, up to four times.
+    """
+    problem, solution = _solve(stated)
+    stated = replace(stated, problem=problem)
+    if solution.trajectory is None:
+        return Plan(stated, solution)
+    return _publish(stated, solution, solution.trajectory, samples)
+
+
+def _solve(stated: StatedProblem) -> tuple[Problem, Solution]:
+    return stated.problem, solve(stated.problem)
+
+
+def _publish(
+    stated: StatedProblem, solution: Solution, trajectory: Trajectory, samples: int
+) -> Plan:
+    count = samples
+    for _ in range(_DOUBLINGS + 1):
+        sampled = trajectory.resampled(count)
+        certificate = certify(sampled, stated.problem)
+        if certificate.certified:
+            notes = solution.notes
+            if count != samples:
+                notes += (f"{count} samples instead of {samples}, which could not be certified",)
+            return Plan(stated, replace(solution, notes=notes), sampled, certificate)
+        count = 2 * count - 1
+    refused = replace(
+        solution,
+        status=Status.NO_CERTIFIED_TRAJECTORY,
+        message=(
+            f"a certified trajectory was found, but not one of up to {(count + 1) // 2} even"
+            f" samples: {'; '.join(certificate.reasons)}; ask for more samples"
+        ),
+        trajectory=None,
+        certificate=certificate,
+    )
+    return Plan(stated, refused, certificate=certificate)

@@ -1,0 +1,58 @@
+"""The straight slew: what a planner that knows no zones would fly; for comparison only."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from riem_planner.geometry import so3
+from riem_planner.problem import S2, Problem
+from riem_planner.trajectory import Trajectory
+
+
+def straight_slew(problem: Problem, samples: int = 201) -> Trajectory:
+    """Shortest rotation from start to goal, from rest to rest.
+
+    About one axis, by the angle `theta (3 s^2 - 2 s^3)` with `s = t / T`: the extremal of the
+    problem without obstacles and tension between states of rest. On S^2 the shortest way of
+    the boresight.
+
+    Parameters
+    ----------
+    problem
+        Its end attitudes and its duration count; rates and obstacles do not.
+    samples
+        Number of evenly spaced samples.
+    """
+    q = problem.start.quaternion_xyzw
+    if problem.space == S2:
+        ends = (state.orientation @ problem.boresight for state in (problem.start, problem.goal))
+        turn_reference = so3.quaternion_log(so3.minimal_rotation(*ends))
+        turn = problem.start.orientation.T @ turn_reference
+    else:
+        turn = so3.quaternion_log(
+            so3.quaternion_multiply(so3.quaternion_conjugate(q), problem.goal.quaternion_xyzw)
+        )
+    T = problem.duration
+    s = np.linspace(0.0, 1.0, samples)[:, None]
+    quaternions = so3.quaternion_multiply(q, so3.quaternion_exp(turn * s**2 * (3.0 - 2.0 * s)))
+    rates = turn * 6.0 * s * (1.0 - s) / T
+    accelerations = turn * (6.0 - 12.0 * s) / T**2
+    return Trajectory(T * s[:, 0], quaternions, rates, accelerations)
+
+
+def margins_over_time(
+    problem: Problem, trajectory: Trajectory, samples: int = 401
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Distance to each forbidden set along a trajectory.
+
+    Returns
+    -------
+    times : (samples,)
+        Evenly spaced [s].
+    margins
+        By name, as `Problem.margins`, arrays (samples,) [rad].
+    """
+    times = np.linspace(0.0, trajectory.duration, samples)
+    attitudes = trajectory.evaluate(times)[0]
+    rows = [problem.margins(R, float(t)) for R, t in zip(attitudes, times, strict=True)]
+    return times, {name: np.array([row[name] for row in rows]) for name in rows[0]}
