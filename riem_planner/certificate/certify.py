@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from riem_planner.certificate import curve
 from riem_planner.certificate.clearance import certify_clearance
+from riem_planner.certificate.extremality import extremality, invariant_drift
 from riem_planner.obstacles import ObstacleTable
 from riem_planner.problem import S2
 
@@ -68,11 +69,13 @@ class Certificate:
 
     @cached_property
     def extremality(self) -> float:
-        return 0.0
+        """Relative residual of the first-order conditions, integrated twice along the curve."""
+        return extremality(self.trajectory, self.problem)
 
     @cached_property
     def invariant_drift(self) -> float | None:
-        return None
+        """Relative drift of the invariant H along the curve; None where obstacles move."""
+        return invariant_drift(self.trajectory, self.problem)
 
 
 def certify(
