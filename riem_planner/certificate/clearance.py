@@ -228,7 +228,7 @@ def bound_clearance(times, quaternions, coefficients, from_time, table, duration
         h = times[k_0 + m + 1] - times[k_0 + m] - s
         bounds[m, 0], bounds[m, 1] = motion_bounds(coefficients, k_0 + m, s, h)
     work = (np.empty((count, n)), np.empty((_DEPTH + 1, n)), np.empty(_DEPTH + 1), np.empty(n))
-    finite = np.isfinite(np.sum(coefficients)) and np.isfinite(np.sum(quaternions))
+    finite = abs(np.sum(coefficients)) < np.inf and abs(np.sum(quaternions)) < np.inf
     result = np.full((n, 3), np.nan)
     sets = 0
     first = 0

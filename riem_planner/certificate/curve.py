@@ -168,7 +168,8 @@ def examine_curve(times, quaternions, rates, accelerations, coefficients, ends, 
     """
     result = np.zeros(14)
     total = np.sum(coefficients) + np.sum(quaternions) + np.sum(rates) + np.sum(accelerations)
-    if not np.isfinite(total):
+    # Not isfinite: it subtracts, and reassociation turns `(p + q) - (p + q)` into zero.
+    if not abs(total) < np.inf:
         return result
     result[FINITE] = 1.0
     _check_intervals(
