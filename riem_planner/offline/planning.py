@@ -56,7 +56,7 @@ def plan_stated(stated: StatedProblem, samples: int = DEFAULT_SAMPLES) -> Plan:
     """
     problem, solution = _solve(stated)
     stated = replace(stated, problem=problem)
-    if solution.trajectory is None:
+    if not solution.solved or solution.trajectory is None:
         return Plan(stated, solution)
     return _publish(stated, solution, solution.trajectory, samples)
 
