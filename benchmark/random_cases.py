@@ -7,7 +7,7 @@ The distribution, read off the case files:
 | duration T [s] | uniform 1 to 4 | same | same |
 | tension | 0, 1 or 5 | same | same |
 | angle of the slew [rad] | uniform 0.35 to 3 | 0.4 to 2.8 | 0.5 to 2.6 |
-| end rates | 0 with probability 1/2, else normal, deviation 1.5 / T per axis | same, tangent | same |
+| end rates: half of them 0, half normal of deviation [rad/s] | 1.5 / T per axis | same | same |
 | obstacles | 1 to 5 | 1 to 5 | 1 to 3 |
 | place: on the straight slew at a fraction | 0 to 1 | 0.15 to 0.85 | 0.05 to 0.95 |
 | and off it by [deg] | 2 to 30, any axis | 2 to 30, square to the arc | 2 to 30, any axis |

@@ -127,7 +127,7 @@ class Collocation:
         return y[:4], vectors[0].T, vectors[1].T, vectors[2].T
 
     def right_side(self, _: Array, y: Array) -> Array:
-        """y' (n, m) at states (n, m)."""
+        """Rates (n, m) at states (n, m)."""
         q, v, a, j = self._split(y)
         if self.basis.shape[1] == 3:
             curvature = np.cross(j, v)
