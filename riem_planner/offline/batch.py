@@ -47,7 +47,7 @@ def problem_lines(path: Path) -> Iterator[Line]:
     with path.open("rb") as stream:
         for number, line in enumerate(stream, start=1):
             if line.strip():
-                yield number, line
+                yield number, line.strip()
 
 
 def plan_line(number: int, line: bytes, samples: int) -> PlannedLine:

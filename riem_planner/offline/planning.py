@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from riem_planner.certificate import Certificate, certify
+from riem_planner.geometry import so3
 from riem_planner.offline.problem_files import StatedProblem
 from riem_planner.plan import solve
 from riem_planner.problem import Problem
@@ -12,6 +16,7 @@ from riem_planner.solution import Solution, Status
 from riem_planner.trajectory import Trajectory
 
 DEFAULT_SAMPLES = 201
+_DEVIATION = 1e-4  # rad between samples, beyond which a plan is no longer the one solved for
 _DOUBLINGS = 4  # of the samples, before the certificate of the samples is given up
 
 
@@ -61,6 +66,21 @@ def plan_stated(stated: StatedProblem, samples: int = DEFAULT_SAMPLES) -> Plan:
     return _publish(stated, solution, solution.trajectory, samples)
 
 
+def _sampling_notes(solved: Trajectory, sampled: Trajectory, asked: int) -> list[str]:
+    notes = []
+    count = sampled.times.size
+    if count != asked:
+        notes.append(f"{count} samples instead of {asked}, which could not be certified")
+    between = 0.5 * (sampled.times[1:] + sampled.times[:-1])
+    q, planned = sampled.evaluate_quaternion(between)[0], solved.evaluate_quaternion(between)[0]
+    deviation = float(np.max(so3.quaternion_distance(q, planned)))
+    if deviation > _DEVIATION:
+        notes.append(
+            f"{count} samples leave the least-cost path by up to {math.degrees(deviation):.3g} deg"
+        )
+    return notes
+
+
 def _solve(stated: StatedProblem) -> tuple[Problem, Solution]:
     return stated.problem, solve(stated.problem)
 
@@ -73,9 +93,7 @@ def _publish(
         sampled = trajectory.resampled(count)
         certificate = certify(sampled, stated.problem)
         if certificate.certified:
-            notes = solution.notes
-            if count != samples:
-                notes += (f"{count} samples instead of {samples}, which could not be certified",)
+            notes = (*solution.notes, *_sampling_notes(trajectory, sampled, samples))
             return Plan(stated, replace(solution, notes=notes), sampled, certificate)
         count = 2 * count - 1
     refused = replace(
