@@ -27,12 +27,16 @@ T = 1.5
 TIMES = np.linspace(0.0, T, 41)
 
 
-def attitude_extremal(obstacles=(OrientationObstacle(Q, strength=0.5),), tension=0.7, **options):
+ORIENTATION = (OrientationObstacle(Q, strength=0.5),)
+ZONE = (Zone(S, 0.1, strength=0.5),)
+
+
+def attitude_extremal(obstacles=ORIENTATION, tension=0.7, **options):
     state = options.pop("state", State(I3, V0))
     return extremal(SO3, state, A0, J0, obstacles, tension, duration=T, **options)
 
 
-def pointing_extremal(obstacles=(Zone(S, 0.1, strength=0.5),), tension=0.7, **options):
+def pointing_extremal(obstacles=ZONE, tension=0.7, **options):
     state = options.pop("state", State(R0, H0))
     return extremal(S2, state, HA0, HJ0, obstacles, tension, duration=T, **options)
 
