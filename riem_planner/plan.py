@@ -1,51 +1,268 @@
-"""PROVISIONAL (straight slew only); the real solver replaces it, same signatures."""
-import time
+"""The two public steps: state a `Problem`, solve it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from riem_planner.certificate import certify
+from riem_planner.compiled import announced
 from riem_planner.errors import PlanningError
 from riem_planner.geometry import so3
-from riem_planner.solution import Solution, Status
+from riem_planner.obstacles.potential import rounding
+from riem_planner.problem import S2, Problem, State
+from riem_planner.solution import Alternative, Solution, Status
+from riem_planner.solver.curves import crosses_cut
+from riem_planner.solver.descent import positive_definite
+from riem_planner.solver.extremal import Extremal, extremal_near
+from riem_planner.solver.search import Curve, global_search, local_search
+from riem_planner.solver.setup import Setup, set_up
+from riem_planner.solver.watch import Interrupted, Watch
 from riem_planner.trajectory import Trajectory
 
+Array = NDArray[np.float64]
 
-def solve(problem, *, deadline=None, should_stop=None, tolerance=1e-8, warm_start=None, search="global"):
-    begin = time.monotonic()
-    if should_stop is not None and should_stop():
-        return Solution(Status.CANCELLED, "cancelled")
-    for status, state, t in ((Status.START_IN_ZONE, problem.start, 0.0), (Status.GOAL_IN_ZONE, problem.goal, problem.duration)):
-        for name, margin in problem.margins(state.orientation, t).items():
-            if margin <= 0:
-                return Solution(status, f"{status.name}: inside zone {name}")
-    T = problem.duration
-    q0, q1 = problem.start.quaternion_xyzw, problem.goal.quaternion_xyzw
-    xi = so3.quaternion_log(so3.quaternion_multiply(so3.quaternion_conjugate(q0), q1))
-    v0, v1 = problem.start.angular_velocity, so3.right_jacobian_inverse(xi) @ problem.goal.angular_velocity
-    c = np.zeros((4, 3))
-    c[1] = v0
-    c[2] = (3 * xi / T - 2 * v0 - v1) / T
-    c[3] = (v0 + v1 - 2 * xi / T) / T**2
-    s = np.linspace(0, T, 101)[:, None]
-    x, x1, x2 = c[1] * s + c[2] * s**2 + c[3] * s**3, c[1] + 2 * c[2] * s + 3 * c[3] * s**2, 2 * c[2] + 6 * c[3] * s
-    q = so3.quaternion_multiply(q0, so3.quaternion_exp(x))
-    v = np.einsum("nij,nj->ni", so3.right_jacobian(x), x1)
-    trajectory = Trajectory(s[:, 0], q, v, np.gradient(v, s[:, 0], axis=0))
-    certificate = certify(trajectory, problem)
-    status = Status.SOLVED if certificate.certified else Status.NO_CERTIFIED_TRAJECTORY
-    return Solution(status, "; ".join(certificate.reasons) or "solved", trajectory if certificate.certified else None, certificate, 1.0, 0.0, 0.0, True, True, (), 1, time.monotonic() - begin)
+_MOST_RESULTS = 4  # extremals that are computed for one problem
+_CUT_SAMPLES = 200  # an interval, for the part of the cost that rounding the cut locus hides
+_NOTE_CUT = (
+    "the trajectory passes the cut locus of an obstacle (distance pi), where the plain potential"
+    " has a kink: it is an extremal of the potential rounded within 0.05 rad of it; give the"
+    " obstacle a range to taper the potential instead"
+)
 
 
-def plan(problem, **options):
+def solve(
+    problem: Problem,
+    *,
+    deadline: float | None = None,
+    should_stop: Callable[[], bool] | None = None,
+    tolerance: float = 1e-8,
+    warm_start: Trajectory | None = None,
+    search: Literal["global", "local"] = "global",
+) -> Solution:
+    """Cheapest certified trajectory of a problem.
+
+    Parameters
+    ----------
+    problem
+        What to solve.
+    deadline
+        Time limit for everything [s], by a steady clock.
+    should_stop
+        Called between iterations; true withdraws the request.
+    tolerance
+        Requested error of the trajectory [rad], and relative error of the cost.
+    warm_start
+        A trajectory near the one looked for, such as the one that flies; its whole length is
+        taken to fit the problem's.
+    search
+        `global` tries every class of paths worth it; `local` only the straightest, or that of
+        the warm start.
+
+    Returns
+    -------
+    Solution
+        A value whatever happens: `status` says how it went and what to do about it.
+    """
+    watch = Watch(deadline, should_stop)
+    try:
+        return _solve(problem, watch, tolerance, warm_start, search == "local")
+    except Interrupted as interruption:
+        status = interruption.status
+        what = "the deadline passed" if status is Status.OUT_OF_TIME else "cancelled"
+        return Solution(
+            status,
+            f"{what} after {watch.elapsed:.3g} s and {watch.iterations} iterations;"
+            f" {status.advice}",
+            iterations=watch.iterations,
+            solve_time=watch.elapsed,
+        )
+
+
+def plan(problem: Problem, **options: Any) -> Trajectory:
+    """Cheapest certified trajectory of a problem, with the options of `solve`.
+
+    Raises
+    ------
+    PlanningError
+        There is none; the error carries the solution.
+    """
     solution = solve(problem, **options)
     if solution.trajectory is None:
         raise PlanningError(solution)
     return solution.trajectory
 
 
-def solve_many(problems, *, jobs=None, **options):
-    return [solve(p, **options) for p in problems]
+def solve_many(
+    problems: Iterable[Problem], *, jobs: int | None = None, **options: Any
+) -> list[Solution]:
+    """Solve many problems, in order, on `jobs` threads (by default one a core).
+
+    The compiled solver runs outside the interpreter lock, so threads share the work without
+    copies; each result equals that of `solve`, bit for bit.
+    """
+    with ThreadPoolExecutor(jobs or os.cpu_count()) as pool:
+        return list(pool.map(lambda problem: solve(problem, **options), problems))
 
 
-def warm_up(notify=None):
+def warm_up(notify: Callable[[str], None] | None = None) -> None:
+    """Load the compiled solver, compiling it first where it never ran.
+
+    Parameters
+    ----------
+    notify
+        Receives a message if compilation takes a while.
+    """
+    from riem_planner.obstacles import Zone
+
+    with announced(notify or (lambda _: None)):
+        for space in (Problem.__dataclass_fields__["space"].default, S2):
+            zone = Zone([0.0, 1.0, 0.3], 0.1, normalized_strength=0.01)
+            start, goal = (
+                State.from_direction([1.0, 0.0, 0.0]),
+                State.from_direction([-0.6, 0.8, 0.0]),
+            )
+            solve(Problem(start, goal, 1.0, space, obstacles=(zone,)))
+
+
+def _solve(
+    problem: Problem, watch: Watch, tolerance: float, warm_start: Trajectory | None, local: bool
+) -> Solution:
+    refusal = _end_in_zone(problem)
+    if refusal is not None:
+        return refusal
+    setup = set_up(problem)
+    if local:
+        curves = local_search(setup, watch, warm_start)
+    else:
+        curves = global_search(setup, watch, warm_start)
+    return _best(problem, setup, curves, tolerance, watch)
+
+
+def _end_in_zone(problem: Problem) -> Solution | None:
+    ends = (
+        (Status.START_IN_ZONE, "start", problem.start, 0.0),
+        (Status.GOAL_IN_ZONE, "goal", problem.goal, problem.duration),
+    )
+    for status, key, state, time in ends:
+        for name, margin in problem.margins(state.orientation, time).items():
+            if margin <= 0.0:
+                return Solution(
+                    status,
+                    f"the {key} is {np.degrees(-margin):.4g} degrees inside the forbidden set of"
+                    f" {name!r}; {status.advice}",
+                )
     return None
+
+
+def _best(
+    problem: Problem, setup: Setup, curves: list[Curve], tolerance: float, watch: Watch
+) -> Solution:
+    """The cheapest certified extremal near the curves, the others as alternatives."""
+    extremals: list[Extremal] = []
+    for curve in curves:
+        if len(extremals) == _MOST_RESULTS:
+            break
+        extremal = extremal_near(setup, curve.times, curve.q, tolerance, watch)
+        if extremal is not None and not any(_same(extremal, other) for other in extremals):
+            extremals.append(extremal)
+    extremals.sort(key=lambda extremal: extremal.cost)
+    certified: list[tuple[Extremal, Trajectory, Any]] = []
+    refused = None
+    for extremal in extremals:
+        trajectory = published(problem, setup, extremal)
+        certificate = certify(trajectory, problem)
+        if certificate.certified:
+            certified.append((extremal, trajectory, certificate))
+        elif refused is None:
+            refused = certificate
+    if not certified:
+        status = Status.NO_CERTIFIED_TRAJECTORY
+        why = "; ".join(refused.reasons) if refused else "no path was found through the zones"
+        return Solution(
+            status,
+            f"no certified trajectory: {why}; {status.advice}",
+            certificate=refused,
+            iterations=watch.iterations,
+            solve_time=watch.elapsed,
+        )
+    scale = problem.duration**-3
+    best, trajectory, certificate = certified[0]
+    alternatives = tuple(
+        Alternative(scale * _stated_cost(problem, setup, e, t), c.clearance, t)
+        for e, t, c in certified[1:]
+    )
+    notes = []
+    if crosses_cut(setup.table, best.times, best.states).any():
+        notes.append(_NOTE_CUT)
+    converged = best.error <= tolerance and best.cost_error <= tolerance
+    if not converged:
+        notes.append(
+            f"the tolerance {tolerance:.1e} was not reached: error {best.error:.1e} rad, relative"
+            f" cost error {best.cost_error:.1e}; the certificate holds all the same"
+        )
+    return Solution(
+        status=Status.SOLVED,
+        message="; ".join([f"solved and certified in {1e3 * watch.elapsed:.2f} ms", *notes]),
+        trajectory=trajectory,
+        certificate=certificate,
+        cost=scale * _stated_cost(problem, setup, best, trajectory),
+        trajectory_error=best.error,
+        cost_error=best.cost_error,
+        local_minimum=_is_minimum(setup, best),
+        converged=converged,
+        alternatives=alternatives,
+        iterations=watch.iterations,
+        solve_time=watch.elapsed,
+        notes=tuple(notes),
+    )
+
+
+def _same(first: Extremal, second: Extremal) -> bool:
+    return abs(first.cost - second.cost) <= 1e-7 * abs(first.cost)
+
+
+def _is_minimum(setup: Setup, extremal: Extremal) -> bool:
+    q = np.ascontiguousarray(extremal.states[:, :4])
+    return bool(
+        positive_definite(
+            setup.pointing, setup.table, setup.sigma, extremal.times, setup.with_goal(q),
+            setup.start[4:], setup.goal[4:],
+        )
+    )  # fmt: skip
+
+
+def _stated_cost(
+    problem: Problem, setup: Setup, extremal: Extremal, trajectory: Trajectory
+) -> float:
+    """Normalised cost with the potentials as stated, kinks at the cut locus included."""
+    cost = extremal.cost
+    for k in np.flatnonzero(crosses_cut(setup.table, extremal.times, extremal.states)):
+        times = np.linspace(extremal.times[k], extremal.times[k + 1], _CUT_SAMPLES + 1)
+        physical = np.clip(times * problem.duration, 0.0, trajectory.duration)
+        q = so3.quaternion_multiply(trajectory.evaluate_quaternion(physical)[0], setup.body)
+        hidden = rounding(setup.table, times, q)
+        cost += 0.5 * float(np.sum(0.5 * (hidden[1:] + hidden[:-1]) * np.diff(times)))
+    return cost
+
+
+def published(problem: Problem, setup: Setup, extremal: Extremal) -> Trajectory:
+    """The trajectory of an extremal, in the user's time and body axes."""
+    T = problem.duration
+    states = extremal.states
+    q, v, a = states[:, :4], states[:, 4:7] / T, states[:, 7:10] / T**2
+    if setup.pointing:
+        back = so3.quaternion_to_matrix(setup.body).T
+        q = so3.quaternion_multiply(q, so3.quaternion_conjugate(setup.body))
+        v, a = v @ back, a @ back
+    # Neighbours of opposite sign are the same turn: keep the sign continuous.
+    flips = np.cumprod(np.where(np.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0))
+    q = np.concatenate([q[:1], flips[:, None] * q[1:]])
+    times = extremal.times * T
+    times[-1] = T
+    return Trajectory(times, q, v, a)

@@ -97,3 +97,14 @@ def obstacle_table(problem: Problem) -> tuple[ObstacleTable, list[str]]:
             table.range_on[row], table.range_off[row] = obstacle.range
         names.append(set_name(obstacle))
     return table, names
+
+
+KIND, PLACE, BORESIGHT, RATE, RADIUS, STRENGTH, RANGE_ON, RANGE_OFF, GROUP = (
+    0, 1, 5, 8, 11, 12, 13, 14, 15,
+)  # fmt: skip
+"""First column of each quantity in a packed table."""
+
+
+def packed(table: ObstacleTable) -> Array:
+    """The table as one array (n, 16), which compiled code reads without reference counts."""
+    return np.column_stack([np.asarray(column, dtype=float) for column in table])

@@ -1,0 +1,304 @@
+"""Curves between the stages: first guesses, meshes, and states on a mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from riem_planner.compiled import inlined, kernel
+from riem_planner.obstacles.potential import CUT_WIDTH, potential, towards
+from riem_planner.obstacles.table import GROUP, RADIUS, RANGE_ON, RATE
+from riem_planner.solver.descent import turn
+
+
+@inlined
+def _relative(p, q, out):
+    """out = rotation vector of p^-1 q, the shorter way."""
+    x = p[3] * q[0] - q[3] * p[0] - (p[1] * q[2] - p[2] * q[1])
+    y = p[3] * q[1] - q[3] * p[1] - (p[2] * q[0] - p[0] * q[2])
+    z = p[3] * q[2] - q[3] * p[2] - (p[0] * q[1] - p[1] * q[0])
+    w = p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]
+    if w < 0.0:
+        x, y, z, w = -x, -y, -z, -w
+    s = np.sqrt(x * x + y * y + z * z)
+    f = 2.0 * np.arctan2(s, w) / s if s > 0.0 else 2.0
+    out[0], out[1], out[2] = f * x, f * y, f * z
+
+
+@kernel
+def lift(q):
+    """Make attitudes (n, 4) roll-free about e3 along the curve of their directions, in place."""
+    for k in range(1, q.shape[0]):
+        a, b, c, d = q[k, 0], q[k, 1], q[k, 2], q[k, 3]
+        x0, x1, x2 = 2 * (a * c + d * b), 2 * (b * c - d * a), d * d - a * a - b * b + c * c
+        a, b, c, d = -q[k - 1, 0], -q[k - 1, 1], -q[k - 1, 2], q[k - 1, 3]
+        p0, p1, p2 = b * x2 - c * x1, c * x0 - a * x2, a * x1 - b * x0
+        y0 = x0 + 2.0 * (d * p0 + b * p2 - c * p1)
+        y1 = x1 + 2.0 * (d * p1 + c * p0 - a * p2)
+        y2 = x2 + 2.0 * (d * p2 + a * p1 - b * p0)
+        s = np.sqrt(y0 * y0 + y1 * y1)
+        f = np.arctan2(s, y2) / s if s > 0.0 else 1.0
+        turn(q[k - 1], (-f * y1, f * y0, 0.0), 1.0, q[k])
+
+
+@inlined
+def _weights(t, nodes, count, C):
+    """Weights C[i, m] of node values for the derivative m = 0..3 at t (Fornberg 1988)."""
+    C[:, :] = 0.0
+    C[0, 0] = 1.0
+    c1 = 1.0
+    c4 = nodes[0] - t
+    for i in range(1, count):
+        top = min(i, 3)
+        c2 = 1.0
+        c5 = c4
+        c4 = nodes[i] - t
+        for j in range(i):
+            c3 = nodes[i] - nodes[j]
+            c2 *= c3
+            if j == i - 1:
+                for m in range(top, 0, -1):
+                    C[i, m] = c1 * (m * C[i - 1, m - 1] - c5 * C[i - 1, m]) / c2
+                C[i, 0] = -c1 * c5 * C[i - 1, 0] / c2
+            for m in range(top, 0, -1):
+                C[j, m] = (c4 * C[j, m] - m * C[j, m - 1]) / c3
+            C[j, 0] = c4 * C[j, 0] / c3
+        c1 = c2
+
+
+@kernel
+def mesh_and_states(pointing, table, times, q, start, goal, interval, least, most):
+    """Shooting mesh fitted to a discretised curve, and the states of the curve on it.
+
+    Intervals are short where the curve passes an obstacle: they span equal shares of
+    `speed * (1 + 1 / margin) + (|Hess V| / 2)^(1/4) + 1`, with the margin by `2 V / |grad V|`.
+
+    Parameters
+    ----------
+    times : (N + 1,)
+    q : (N + 1, 4)
+        Attitudes; on S^2 roll-free.
+    start, goal : (7,)
+        Quaternion and body rate.
+    interval
+        Share of the integral that one interval spans.
+    least, most
+        Bounds of the number of intervals.
+
+    Returns
+    -------
+    mesh : (M + 1,)
+    states : (M + 1, 13)
+        Attitude, body rate and its two derivatives.
+    """
+    n = q.shape[0] - 1
+    xi = np.empty(3)
+    density = np.empty(n + 1)
+    for k in range(n + 1):
+        low, high = max(k - 1, 0), min(k + 1, n)
+        _relative(q[low], q[high], xi)
+        speed = np.sqrt(xi[0] ** 2 + xi[1] ** 2 + xi[2] ** 2) / (times[high] - times[low])
+        V, g0, g1, g2, h00, h11, h22, h01, h02, h12 = potential(
+            table, times[k], q[k, 0], q[k, 1], q[k, 2], q[k, 3], 0.0
+        )
+        density[k] = 5.0 + speed
+        if 0.0 < V < np.inf:
+            slope = np.sqrt(g0**2 + g1**2 + g2**2)
+            size = h00**2 + h11**2 + h22**2 + 2.0 * (h01**2 + h02**2 + h12**2)
+            density[k] += 0.5 * speed * slope / V + (0.25 * size) ** 0.125
+        cut = np.pi
+        for i in range(table.shape[0]):
+            if table[i, GROUP] < 0.0 and table[i, RANGE_ON] == np.inf:
+                d = towards(table, i, times[k], q[k, 0], q[k, 1], q[k, 2], q[k, 3])[0]
+                cut = min(cut, np.pi - d)
+        density[k] += speed * CUT_WIDTH / (cut + CUT_WIDTH) ** 2
+    total = np.empty(n + 1)
+    total[0] = 0.0
+    for k in range(n):
+        total[k + 1] = total[k] + 0.5 * (density[k] + density[k + 1]) * (times[k + 1] - times[k])
+    M = min(max(int(total[n] / interval) + 1, least), most)
+    mesh = np.empty(M + 1)
+    mesh[0], mesh[M] = times[0], times[n]
+    k = 0
+    for i in range(1, M):
+        target = total[n] * i / M
+        while total[k + 1] < target:
+            k += 1
+        share = (target - total[k]) / (total[k + 1] - total[k])
+        mesh[i] = times[k] + share * (times[k + 1] - times[k])
+
+    states = np.empty((M + 1, 13))
+    count = min(6, n + 1)
+    C = np.empty((count, 4))
+    nodes = np.empty(count)
+    d = np.empty((4, 3))
+    k = 0
+    for i in range(M + 1):
+        t = mesh[i]
+        while k < n and abs(times[k + 1] - t) < abs(times[k] - t):
+            k += 1
+        low = min(max(k - count // 2 + (1 if t > times[k] else 0), 0), n + 1 - count)
+        for m in range(count):
+            nodes[m] = times[low + m]
+        _weights(t, nodes, count, C)
+        d[:, :] = 0.0
+        for m in range(count):
+            _relative(q[k], q[low + m], xi)
+            for r in range(4):
+                for j in range(3):
+                    d[r, j] += C[m, r] * xi[j]
+        turn(q[k], d[0], 1.0, states[i])
+        # Body derivatives of exp(xi(t)) to second order in xi.
+        for r in range(3):
+            e = d[r + 1]
+            states[i, 4 + 3 * r] = e[0] - 0.5 * (d[0, 1] * e[2] - d[0, 2] * e[1])
+            states[i, 5 + 3 * r] = e[1] - 0.5 * (d[0, 2] * e[0] - d[0, 0] * e[2])
+            states[i, 6 + 3 * r] = e[2] - 0.5 * (d[0, 0] * e[1] - d[0, 1] * e[0])
+        states[i, 10] -= 0.5 * (d[1, 1] * d[2, 2] - d[1, 2] * d[2, 1])
+        states[i, 11] -= 0.5 * (d[1, 2] * d[2, 0] - d[1, 0] * d[2, 2])
+        states[i, 12] -= 0.5 * (d[1, 0] * d[2, 1] - d[1, 1] * d[2, 0])
+        if pointing:
+            states[i, 6] = states[i, 9] = states[i, 12] = 0.0
+    for i in range(4):
+        states[0, i] = start[i]
+    sign = 0.0
+    for i in range(4):
+        sign += states[M, i] * goal[i]
+    for i in range(3):
+        states[0, 4 + i] = start[4 + i]
+        if not pointing:
+            states[M, 4 + i] = goal[4 + i]
+    if not pointing:
+        for i in range(4):
+            states[M, i] = goal[i] if sign > 0.0 else -goal[i]
+    return mesh, states
+
+
+@kernel
+def guess(q_start, rate_start, xi_end, rate_end, times, q):
+    """Attitudes (N + 1, 4) along the cubic rotation vector from 0 to `xi_end`.
+
+    Parameters
+    ----------
+    rate_start, rate_end : (3,)
+        Derivatives of the rotation vector at both ends.
+    """
+    xi = np.empty(3)
+    for k in range(times.size):
+        s = times[k]
+        a = s * (1.0 - s) ** 2
+        b = s * s * (3.0 - 2.0 * s)
+        c = s * s * (s - 1.0)
+        for i in range(3):
+            xi[i] = a * rate_start[i] + b * xi_end[i] + c * rate_end[i]
+        turn(q_start, xi, 1.0, q[k])
+
+
+@kernel
+def reflect(pointing, table, i, times, q, out):
+    """Move a curve across obstacle i, to the same distance on its other side.
+
+    The bump is widest where the curve is nearest to the obstacle and vanishes with its slope at
+    both ends.
+
+    Parameters
+    ----------
+    q : (N + 1, 4)
+    out : (N + 1, 4)
+        Out: the moved attitudes.
+
+    Returns
+    -------
+    Whether the obstacle is near enough, and one that has sides.
+    """
+    n = q.shape[0] - 1
+    nearest, least = 0, np.inf
+    axis = np.zeros(3)
+    for k in range(1, n):
+        d, x, y, z = towards(table, i, times[k], q[k, 0], q[k, 1], q[k, 2], q[k, 3])
+        if d < least:
+            nearest, least = k, d
+            axis[0], axis[1], axis[2] = x, y, z
+    if pointing:
+        axis[2] = 0.0
+    length = np.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
+    if not (length > 0.0 and least < 0.75 * np.pi):
+        return False
+    angle = 2.0 * max(least, 0.02)
+    peak = times[nearest]
+    delta = np.empty(3)
+    for k in range(n + 1):
+        s = times[k] / peak if k <= nearest else (1.0 - times[k]) / (1.0 - peak)
+        bump = s * s * (3.0 - 2.0 * s)
+        for j in range(3):
+            delta[j] = angle * bump * axis[j] / length
+        turn(q[k], delta, 1.0, out[k])
+    return True
+
+
+@kernel
+def coarseness(table, times, q):
+    """Largest angle between neighbours over their distance to an obstacle's edge.
+
+    Above about 1 a discretised curve may have passed through an obstacle unseen.
+    """
+    worst = 0.0
+    xi = np.empty(3)
+    for k in range(q.shape[0] - 1):
+        _relative(q[k], q[k + 1], xi)
+        angle = np.sqrt(xi[0] ** 2 + xi[1] ** 2 + xi[2] ** 2)
+        margin = np.pi
+        for i in range(table.shape[0]):
+            if table[i, GROUP] < 0.0:
+                d = towards(table, i, times[k], q[k, 0], q[k, 1], q[k, 2], q[k, 3])[0]
+                margin = min(margin, d - table[i, RADIUS])
+        worst = max(worst, angle / max(margin, 1e-9))
+    return worst
+
+
+@kernel
+def resampled(times, q, new_times):
+    """Attitudes of a curve at other times, along the geodesics between its nodes."""
+    out = np.empty((new_times.size, 4))
+    xi = np.empty(3)
+    k = 0
+    for i in range(new_times.size):
+        while k < times.size - 2 and times[k + 1] < new_times[i]:
+            k += 1
+        _relative(q[k], q[k + 1], xi)
+        turn(q[k], xi, (new_times[i] - times[k]) / (times[k + 1] - times[k]), out[i])
+    return out
+
+
+@kernel
+def crosses_cut(table, times, states):
+    """Intervals (M,) that may come within CUT_WIDTH of the cut locus of an obstacle.
+
+    Parameters
+    ----------
+    times : (M + 1,)
+    states : (M + 1, 13)
+    """
+    M = times.size - 1
+    near = np.zeros(M, dtype=np.bool_)
+    for i in range(table.shape[0]):
+        if table[i, GROUP] >= 0.0 or table[i, RANGE_ON] < np.inf:
+            continue
+        turning = np.sqrt(
+            table[i, RATE] ** 2 + table[i, RATE + 1] ** 2 + table[i, RATE + 2] ** 2
+        )
+        before = 0.0
+        for k in range(M + 1):
+            y = states[k]
+            d = towards(table, i, times[k], y[0], y[1], y[2], y[3])[0]
+            if k > 0:
+                speed = turning + max(
+                    np.sqrt(y[4] ** 2 + y[5] ** 2 + y[6] ** 2),
+                    np.sqrt(
+                        states[k - 1, 4] ** 2 + states[k - 1, 5] ** 2 + states[k - 1, 6] ** 2
+                    ),
+                )
+                reach = 0.5 * (before + d + speed * (times[k] - times[k - 1]))
+                if reach > np.pi - CUT_WIDTH:
+                    near[k - 1] = True
+            before = d
+    return near

@@ -1,0 +1,142 @@
+"""From a discretised curve to the extremal near it, with an estimate of the error that is left."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riem_planner.solver import shooting
+from riem_planner.solver.curves import crosses_cut, mesh_and_states
+from riem_planner.solver.setup import Setup
+from riem_planner.solver.watch import Watch
+
+Array = NDArray[np.float64]
+
+_MOST_NEWTON_STEPS = 16
+_DIVERGED = 2.5  # rad of one Newton step
+_NEAR = 0.03  # rad; below it the defects are measured by half steps
+_MOST_MESHES = 6
+_INTERVAL = 0.95  # of the mesh density's integral, on the first mesh
+_LEAST_INTERVALS, _MOST_INTERVALS = 10, 160
+_MOST_BISECTED = 600
+# Halving a step divides the error of an 8th-order method by 256; half of that is claimed. Where a
+# step may cross the rounded cut locus, which is less smooth, nothing is claimed.
+_HALVING = 128.0
+
+
+@dataclass(frozen=True)
+class Extremal:
+    """Solution of the first-order conditions in normalised time.
+
+    Parameters
+    ----------
+    times : (n,)
+    states : (n, 13)
+        Quaternion, body rate and its two derivatives.
+    cost
+        Normalised.
+    error, cost_error
+        Estimates [rad], and relative.
+    """
+
+    times: Array
+    states: Array
+    cost: float
+    error: float
+    cost_error: float
+
+
+def extremal_near(
+    setup: Setup, times: Array, q: Array, tolerance: float, watch: Watch
+) -> Extremal | None:
+    """Extremal near a discretised curve, or None where Newton's method finds none.
+
+    The mesh is bisected where the estimate says so, until both error estimates are within the
+    tolerance or the mesh is as fine as allowed; the estimates of the result say which.
+
+    Parameters
+    ----------
+    times : (N + 1,)
+    q : (N + 1, 4)
+        Attitudes.
+    tolerance
+        [rad], and relative for the cost.
+    """
+    mesh, states = mesh_and_states(
+        setup.pointing, setup.table, times, setup.lifted(q), setup.start, setup.goal,
+        _INTERVAL, _LEAST_INTERVALS, _MOST_INTERVALS,
+    )  # fmt: skip
+    result = None
+    for _ in range(_MOST_MESHES):
+        refined = _on_mesh(setup, mesh, states, tolerance, watch)
+        if refined is None:
+            return result
+        result, split = refined
+        if not split.any() or mesh.size + int(split.sum()) > _MOST_BISECTED:
+            break
+        mesh, states = _bisected(mesh, states, result, split)
+    return result
+
+
+def _on_mesh(
+    setup: Setup, mesh: Array, states: Array, tolerance: float, watch: Watch
+) -> tuple[Extremal, NDArray[np.bool_]] | None:
+    """Solve on a mesh; the extremal at nodes and half-way, and which intervals to bisect."""
+    M = mesh.size - 1
+    fixed = (setup.pointing, setup.table, setup.sigma, mesh, states)
+    defects, local, step = np.empty((M, 12)), np.empty((M, 12)), np.empty((M + 1, 12))
+    middles, interpolation = np.empty((M, 13)), np.empty(M)
+    size, previous = np.inf, np.inf
+    sensitivity = 1.0
+    cost, difference = np.nan, np.empty(M)
+    for _ in range(_MOST_NEWTON_STEPS):
+        near = size < _NEAR
+        if near:
+            cost = shooting.measure(
+                *fixed, defects, middles, local, interpolation, difference
+            )
+            residual = float(np.abs(defects).max())
+            if sensitivity * residual <= 0.1 * tolerance:
+                break
+        watch.count()
+        if not shooting.newton(*fixed, setup.goal, defects, near, step):
+            return None
+        previous = size
+        size = shooting.advance(states, step, 1.0)
+        if not size < _DIVERGED or (size > 4.0 * previous and previous < np.inf):
+            return None
+        if near:
+            # Least at 1: a lucky step must not make the estimate small.
+            sensitivity = max(1.0, size / max(residual, 1e-300))
+            if residual < 1e-13:
+                break
+    else:
+        return None
+    gain = np.where(crosses_cut(setup.table, mesh, states), 1.0, 1.0 / _HALVING)
+    discretisation = sensitivity * gain * np.abs(local[:, :3]).max(axis=1)
+    cost_error = float(gain @ difference) / max(cost, 1e-300)
+    error = max(
+        sensitivity * residual,
+        float(discretisation.sum()),
+        float(interpolation.max()),
+    )
+    samples = np.empty((2 * M + 1, 13))
+    samples[::2], samples[1::2] = states, middles
+    times = np.empty(2 * M + 1)
+    times[::2], times[1::2] = mesh, 0.5 * (mesh[1:] + mesh[:-1])
+    split = interpolation > tolerance
+    if discretisation.sum() > tolerance:
+        split |= discretisation > 0.5 * tolerance / M
+    if cost_error > tolerance:
+        split |= gain * difference > 0.5 * tolerance * cost / M
+    return Extremal(times, samples, cost, error, cost_error), split
+
+
+def _bisected(
+    mesh: Array, states: Array, result: Extremal, split: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    keep = np.ones(result.times.size, dtype=bool)
+    keep[1::2] = split
+    return result.times[keep].copy(), result.states[keep].copy()

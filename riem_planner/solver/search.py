@@ -1,0 +1,288 @@
+"""Global search: one descent for each class of paths that is worth a try.
+
+Classes are enumerated on purpose: the short and the long way round (and further turns where the
+end rates ask for them), the other side of each obstacle that the best curves pass, and both
+ways off a symmetric saddle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riem_planner.geometry import so3
+from riem_planner.obstacles.table import RADIUS
+from riem_planner.solver import curves
+from riem_planner.solver.descent import descend
+from riem_planner.solver.setup import Setup
+from riem_planner.solver.watch import Watch
+from riem_planner.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_NODES_LEAST, _NODES_MOST = 32, 96
+_NODE_ANGLE = 0.12  # rad of a first guess between nodes
+_SOFT_POINTS = (0.35, 0.1, 0.03)
+_SOFT_ZONES = (1.0, 0.5, 0.25, 0.1, 0.05, 0.02)
+_SOFT_LAST = (0.01, 0.003)
+_SOFT_WARM = (0.05,)
+_ROUGH, _FINE = 1e-2, 1e-5
+_COARSE = 0.7  # angle between nodes over the margin, above which the curve is made finer
+_FINER = (0.5, 0.25)  # of the mesh density's integral between nodes
+_NODES_FINE = 400
+_MOST_ITERATIONS = 60
+_SAME_COST = 1e-4
+_MOST_DESCENTS = 12
+
+
+@dataclass(eq=False)
+class Curve:
+    """A discretised curve: a local minimum of the discretised cost."""
+
+    times: Array
+    q: Array
+    cost: float
+
+
+@dataclass
+class Search:
+    """State of a global search: the minima found so far, cheapest first.
+
+    Parameters
+    ----------
+    setup
+        The problem.
+    watch
+        When to stop.
+    times : (N + 1,)
+        Normalised times of the nodes.
+    """
+
+    setup: Setup
+    watch: Watch
+    times: Array
+    minima: list[Curve] = field(default_factory=list)
+
+    def add(self, q: Array, softs: tuple[float, ...]) -> bool:
+        """Descend from a curve, and both ways off a saddle; whether a new minimum came of it."""
+        begin = q.copy()
+        curve, saddle = self._relax(q, softs, 1.0)
+        new = self._keep(curve)
+        if saddle:
+            new |= self._keep(self._relax(begin, softs, -1.0)[0])
+        return new
+
+    def _keep(self, curve: Curve | None) -> bool:
+        if curve is None:
+            return False
+        for other in self.minima:
+            if abs(curve.cost - other.cost) <= _SAME_COST * other.cost:
+                return False
+        self.minima.append(curve)
+        self.minima.sort(key=lambda minimum: minimum.cost)
+        return True
+
+    def _relax(
+        self, q: Array, softs: tuple[float, ...], side: float
+    ) -> tuple[Curve | None, bool]:
+        """Descend while the potentials harden; the exact minimum, and whether a saddle was left."""
+        memory = np.zeros(2)
+        cost = np.inf
+        for soft in (*softs, *_SOFT_LAST):
+            self._stage(self.times, q, soft, _ROUGH, side, memory)
+            exact = self._cost(q, 0.0)
+            if np.isfinite(exact) and (soft <= softs[-1] or exact == self._cost(q, soft)):
+                break
+        else:
+            return None, memory[1] > 0.0
+        times = self.times
+        cost = self._stage(times, q, 0.0, _FINE, side, memory)
+        for interval in _FINER:
+            if np.isfinite(cost) and curves.coarseness(self.setup.table, times, q) < _COARSE:
+                break
+            times, q = self._regraded(times, q, interval)
+            for soft in _SOFT_LAST:
+                self._stage(times, q, soft, _ROUGH, side, memory)
+            cost = self._stage(times, q, 0.0, _FINE, side, memory)
+        if not np.isfinite(cost):
+            return None, memory[1] > 0.0
+        return Curve(times, q, cost), memory[1] > 0.0
+
+    def _regraded(self, times: Array, q: Array, interval: float) -> tuple[Array, Array]:
+        s = self.setup
+        times, states = curves.mesh_and_states(
+            s.pointing, s.table, times, s.lifted(q), s.start, s.goal,
+            interval, _NODES_LEAST, _NODES_FINE,
+        )  # fmt: skip
+        finer = np.ascontiguousarray(states[:, :4])
+        return times, s.with_goal(finer)
+
+    def _cost(self, q: Array, soft: float) -> float:
+        return float(self._descend(self.times, q, soft, 0.0, 1.0, 0, np.zeros(2))[0])
+
+    def _stage(
+        self, times: Array, q: Array, soft: float, tolerance: float, side: float, memory: Array
+    ) -> float:
+        left = _MOST_ITERATIONS
+        memory[0] = 0.0
+        while True:
+            stride = min(self.watch.stride, left)
+            cost, done, converged = self._descend(times, q, soft, tolerance, side, stride, memory)
+            self.watch.count(done)
+            left -= stride
+            if converged or done < stride or left <= 0:
+                return float(cost)
+
+    def _descend(
+        self, times: Array, q: Array, soft: float, tolerance: float, side: float, most: int, memory: Array
+    ) -> tuple[float, int, bool]:
+        s = self.setup
+        result: tuple[float, int, bool] = descend(
+            s.pointing, s.table, s.sigma, times, q, s.start[4:], s.goal[4:],
+            soft, tolerance, side, most, memory,
+        )  # fmt: skip
+        return result
+
+    @property
+    def softs(self) -> tuple[float, ...]:
+        """Margins over which the potentials harden, from a first guess that may violate them."""
+        zones = bool(np.any(self.setup.table[:, RADIUS] > 0.0))
+        return _SOFT_ZONES if zones else _SOFT_POINTS
+
+    def cross_obstacles(self, most: int) -> None:
+        """Try the other side of each obstacle from the best curve, until it stays the best."""
+        crossed: list[Curve] = []
+        while self.minima and most > 0 and self.minima[0] not in crossed:
+            best = self.minima[0]
+            crossed.append(best)
+            for i in range(self.setup.table.shape[0]):
+                q = self.reflected(best, i)
+                if q is None:
+                    continue
+                self.add(q, _SOFT_POINTS[1:])
+                most -= 1
+                if most == 0 or self.minima[0] is not best:
+                    break
+
+    def reflected(self, curve: Curve, obstacle: int) -> Array | None:
+        """The curve moved to the other side of an obstacle; None where it is far off."""
+        s = self.setup
+        q = np.empty_like(curve.q)
+        if not curves.reflect(s.pointing, s.table, obstacle, curve.times, s.lifted(curve.q), q):
+            return None
+        return s.with_goal(curves.resampled(curve.times, s.lifted(q), self.times))
+
+
+def first_guesses(setup: Setup) -> tuple[Array, list[Array]]:
+    """Times (N + 1,) and curves (N + 1, 4) that go round either way, straightest first."""
+    start, goal = setup.start, setup.goal
+    relative = so3.quaternion_multiply(so3.quaternion_conjugate(start[:4]), goal[:4])
+    rate_goal = goal[4:]
+    if setup.pointing:
+        # Of all goal attitudes with the goal's direction, the one reached without roll.
+        to_goal = so3.quaternion_to_matrix(relative)
+        turn = so3.minimal_rotation(np.array([0.0, 0.0, 1.0]), to_goal[:, 2])
+        rate_goal = so3.quaternion_to_matrix(turn).T @ to_goal @ rate_goal
+        relative = turn
+    xi = so3.quaternion_log(relative)
+    angle = float(np.linalg.norm(xi))
+    axis = xi / angle if angle > 1e-9 else _axis_of(start[4:] + rate_goal, setup.pointing)
+    ends = []
+    for turns in (0, -1, 1, -2, 2):
+        along = angle + 2.0 * np.pi * turns
+        end = along * axis
+        rate_end = _chart_rate(axis, along, rate_goal)
+        ends.append((_cubic_cost(start[4:], end, rate_end), end, rate_end))
+    if angle > 0.9 * np.pi and setup.pointing:
+        # Near the antipode any way round is as good: try the two at right angles.
+        for side in (1.0, -1.0):
+            across = side * np.array([-axis[1], axis[0], 0.0])
+            ends.insert(2, (0.0, angle * across, np.zeros(3)))
+    # Both ways round always; further turns only where they are straighter than these.
+    limit = max(ends[0][0], ends[1][0])
+    chosen = ends[:2] + [end for end in ends[2:] if end[0] < limit]
+    chosen.sort(key=lambda end: end[0])
+    longest = max(float(np.linalg.norm(end)) + 0.3 * float(np.linalg.norm(rate))
+                  for _, end, rate in chosen[:2]) + 0.3 * float(np.linalg.norm(start[4:]))
+    nodes = min(max(int(longest / _NODE_ANGLE), _NODES_LEAST), _NODES_MOST)
+    times = np.linspace(0.0, 1.0, nodes + 1)
+    guesses = []
+    for _, end, rate_end in chosen:
+        q = np.empty((nodes + 1, 4))
+        curves.guess(start[:4], start[4:], end, rate_end, times, q)
+        guesses.append(setup.with_goal(q))
+    return times, guesses
+
+
+def _axis_of(rate: Array, pointing: bool) -> Array:
+    """An axis to turn about where the end attitudes give none."""
+    if np.linalg.norm(rate) > 1e-9:
+        return np.asarray(rate / np.linalg.norm(rate))
+    return np.array([0.0, 1.0, 0.0]) if pointing else np.array([1.0, 0.0, 0.0])
+
+
+def _chart_rate(axis: Array, along: float, rate: Array) -> Array:
+    """Derivative of the rotation vector `along * axis` for a body rate; bounded near 2 pi."""
+    parallel = (axis @ rate) * axis
+    across = rate - parallel
+    half = 0.5 * along
+    cot = half / np.tan(half) if abs(np.sin(half)) > 1e-9 else 1.0
+    cot = min(max(cot, -2.0), 2.0)
+    bend = min(max(half, -2.0), 2.0)
+    return np.asarray(parallel + cot * across + bend * np.cross(axis, across))
+
+
+def _cubic_cost(rate_start: Array, end: Array, rate_end: Array) -> float:
+    """Integral of the squared second derivative of the cubic rotation vector, halved."""
+    a, b, c = rate_start, end, rate_end
+    return float(2.0 * (3.0 * b @ b - 3.0 * b @ (a + c) + a @ a + a @ c + c @ c))
+
+
+def global_search(setup: Setup, watch: Watch, warm_start: Trajectory | None) -> list[Curve]:
+    """Minima of the classes that are worth a try, cheapest first."""
+    times, guesses = first_guesses(setup)
+    found = Search(setup, watch, times)
+    if warm_start is not None:
+        found.add(warm_guess(setup, warm_start, times), _SOFT_WARM)
+    for q in guesses:
+        found.add(q, found.softs)
+    found.cross_obstacles(_MOST_DESCENTS - len(guesses))
+    return found.minima
+
+
+def local_search(setup: Setup, watch: Watch, warm_start: Trajectory | None) -> list[Curve]:
+    """The minimum of one class: that of the warm start, or the straightest."""
+    times, guesses = first_guesses(setup)
+    found = Search(setup, watch, times)
+    if warm_start is not None:
+        found.add(warm_guess(setup, warm_start, times), _SOFT_WARM)
+    for q in guesses:
+        if found.minima:
+            break
+        found.add(q, found.softs)
+    return found.minima
+
+
+def warm_guess(setup: Setup, trajectory: Trajectory, times: Array) -> Array:
+    """A trajectory at normalised times, turned at both ends to meet the problem's states."""
+    physical = np.clip(times * trajectory.duration, 0.0, trajectory.duration)
+    q = so3.quaternion_multiply(trajectory.evaluate_quaternion(physical)[0], setup.body)
+    at_start = _turn_to(q[0], setup.start[:4])
+    if setup.pointing:
+        to_goal = so3.quaternion_to_matrix(
+            so3.quaternion_multiply(so3.quaternion_conjugate(q[-1]), setup.goal[:4])
+        )[:, 2]
+        at_goal = so3.quaternion_log(so3.minimal_rotation(np.array([0.0, 0.0, 1.0]), to_goal))
+    else:
+        at_goal = _turn_to(q[-1], setup.goal[:4])
+    blend = (times * times * (3.0 - 2.0 * times))[:, None]
+    correction = so3.quaternion_exp((1.0 - blend) * at_start + blend * at_goal)
+    q = np.ascontiguousarray(so3.quaternion_multiply(q, correction))
+    q[0] = setup.start[:4]
+    return setup.with_goal(q)
+
+
+def _turn_to(q: Array, target: Array) -> Array:
+    return so3.quaternion_log(so3.quaternion_multiply(so3.quaternion_conjugate(q), target))

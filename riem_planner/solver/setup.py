@@ -1,0 +1,76 @@
+"""A problem in the form that the solver works on: normalised time, boresight e3 on S^2."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riem_planner.geometry import so3
+from riem_planner.obstacles import obstacle_table
+from riem_planner.obstacles.table import packed
+from riem_planner.problem import S2, Problem
+from riem_planner.solver.curves import lift
+
+Array = NDArray[np.float64]
+
+
+class Setup(NamedTuple):
+    """Boundary-value problem in normalised time s = t / T.
+
+    Attributes
+    ----------
+    pointing
+        Whether the space is S^2; the body axes are then turned so that the boresight is e3.
+    table : (n, 16)
+        Packed obstacles.
+    sigma
+        `sigma T^2`.
+    start, goal : (7,)
+        Quaternion x, y, z, w and body rate times T.
+    body : (4,)
+        Quaternion from the solver's body axes to the user's.
+    """
+
+    pointing: bool
+    table: Array
+    sigma: float
+    start: Array
+    goal: Array
+    body: Array
+
+    def lifted(self, q: Array) -> Array:
+        """Attitudes (n, 4) of a curve, made roll-free on S^2."""
+        if not self.pointing:
+            return q
+        lifted = q.copy()
+        lifted[0] = self.start[:4]
+        lift(lifted)
+        return lifted
+
+    def with_goal(self, q: Array) -> Array:
+        """The same array, on S^2 with the goal's own roll at its end: its rate refers to that."""
+        if self.pointing:
+            q[-1] = self.goal[:4]
+        return q
+
+
+def set_up(problem: Problem) -> Setup:
+    """Normalise a problem."""
+    T = problem.duration
+    pointing = problem.space == S2
+    table, _ = obstacle_table(problem)
+    body = np.array([0.0, 0.0, 0.0, 1.0])
+    ends = []
+    if pointing:
+        body = so3.minimal_rotation(np.array([0.0, 0.0, 1.0]), problem.boresight)
+        table.boresight[:] = (0.0, 0.0, 1.0)
+    for state in (problem.start, problem.goal):
+        q, v = state.quaternion_xyzw, state.angular_velocity * T
+        if pointing:
+            q = so3.quaternion_multiply(q, body)
+            v = so3.quaternion_to_matrix(body).T @ v
+            v[2] = 0.0
+        ends.append(np.concatenate([q, v]))
+    return Setup(pointing, packed(table), problem.sigma * T**2, *ends, body)

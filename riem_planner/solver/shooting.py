@@ -1,0 +1,436 @@
+"""Second stage: multiple shooting on the first-order conditions, with exact sensitivities.
+
+Each interval is one step of the 8th-order Runge-Kutta method of Dormand and Prince. The state
+of node k is the attitude with the body rate and its first two derivatives, `(q, v, a, j)`; its
+perturbation has 12 components, the first three a body rotation.
+
+A Newton step is one sweep from start to goal: it carries an orthonormal basis Y_k of the
+perturbations that keep the start state (6 columns on SO(3), 4 on S^2) and one particular
+solution z_k of the linearised defects. Where an interval maps `Y_k` to `Y_{k+1} U_k`, the
+coordinates obey `beta_{k+1} = U_k beta_k + rho_k`; the goal gives the last ones, and
+substitution backwards the others. Making the basis orthonormal at each node keeps growing and
+decaying solutions apart, so that no interval's growth ever enters a solve.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.integrate import DOP853
+
+from riem_planner.compiled import inlined, kernel
+from riem_planner.obstacles.potential import potential
+from riem_planner.solver.descent import turn
+
+_STAGES = 12
+_A = np.ascontiguousarray(DOP853.A[:_STAGES, :_STAGES])
+_B = np.ascontiguousarray(DOP853.B)
+_C = np.ascontiguousarray(DOP853.C[:_STAGES])
+_COLUMNS = 8  # a basis of at most 6, the particular solution, and padding for the vector unit
+_SIZE = 12 * _COLUMNS
+STATE = 13  # quaternion, v, a, j
+_WIDTH = 16  # with the cost, and padding for the vector unit
+
+
+@inlined
+def _derivative(pointing, table, sigma, time, y, dF, out):
+    """Time derivative of (q, v, a, j, cost); in dF (3, 3) that of the force by a rotation."""
+    qx, qy, qz, qw = y[0], y[1], y[2], y[3]
+    v0, v1, v2, a0, a1, a2, j0, j1, j2 = (
+        y[4], y[5], y[6], y[7], y[8], y[9], y[10], y[11], y[12],
+    )  # fmt: skip
+    V, g0, g1, g2, h00, h11, h22, h01, h02, h12 = potential(
+        table, time, qx, qy, qz, qw, 0.0
+    )
+    # F = grad V / 2 changes by (Hessian delta - delta x grad V / 2) / 2.
+    g0, g1, g2 = 0.5 * g0, 0.5 * g1, 0.5 * g2
+    dF[0, 0], dF[0, 1], dF[0, 2] = 0.5 * h00, 0.5 * (h01 - g2), 0.5 * (h02 + g1)
+    dF[1, 0], dF[1, 1], dF[1, 2] = 0.5 * (h01 + g2), 0.5 * h11, 0.5 * (h12 - g0)
+    dF[2, 0], dF[2, 1], dF[2, 2] = 0.5 * (h02 - g1), 0.5 * (h12 + g0), 0.5 * h22
+    out[0] = 0.5 * (qw * v0 + qy * v2 - qz * v1)
+    out[1] = 0.5 * (qw * v1 + qz * v0 - qx * v2)
+    out[2] = 0.5 * (qw * v2 + qx * v1 - qy * v0)
+    out[3] = -0.5 * (qx * v0 + qy * v1 + qz * v2)
+    out[4], out[5], out[6] = a0, a1, a2
+    out[7], out[8], out[9] = j0, j1, j2
+    if pointing:
+        # v''' = (v' x v) x v + sigma v' - F, all orthogonal to the boresight e3.
+        speed, along = v0 * v0 + v1 * v1, a0 * v0 + a1 * v1
+        out[10] = v0 * along - a0 * speed + sigma * a0 - g0
+        out[11] = v1 * along - a1 * speed + sigma * a1 - g1
+        out[12] = 0.0
+        dF[2, 0] = dF[2, 1] = dF[2, 2] = 0.0
+    else:
+        out[10] = j1 * v2 - j2 * v1 + sigma * a0 - g0
+        out[11] = j2 * v0 - j0 * v2 + sigma * a1 - g1
+        out[12] = j0 * v1 - j1 * v0 + sigma * a2 - g2
+    out[13] = 0.5 * (
+        a0 * a0 + a1 * a1 + a2 * a2 + sigma * (v0 * v0 + v1 * v1 + v2 * v2) + V
+    )
+
+
+@inlined
+def _linearised(pointing, sigma, y, dF, W, out):
+    """Derivative of 12 x 8 perturbations W along the state y: both flat, columns innermost."""
+    v0, v1, v2, a0, a1, a2, j0, j1, j2 = (
+        y[4], y[5], y[6], y[7], y[8], y[9], y[10], y[11], y[12],
+    )  # fmt: skip
+    c = _COLUMNS
+    f00, f01, f02 = dF[0, 0], dF[0, 1], dF[0, 2]
+    f10, f11, f12 = dF[1, 0], dF[1, 1], dF[1, 2]
+    f20, f21, f22 = dF[2, 0], dF[2, 1], dF[2, 2]
+    for i in range(c):
+        out[i] = W[3 * c + i] - v1 * W[2 * c + i] + v2 * W[c + i]
+        out[c + i] = W[4 * c + i] - v2 * W[i] + v0 * W[2 * c + i]
+        out[2 * c + i] = W[5 * c + i] - v0 * W[c + i] + v1 * W[i]
+    for i in range(6 * c):
+        out[3 * c + i] = W[6 * c + i]
+    if pointing:
+        along = a0 * v0 + a1 * v1
+        speed = v0 * v0 + v1 * v1
+        # d(v (a . v) - a (v . v))
+        k00, k01 = along + v0 * a0 - 2.0 * a0 * v0, v0 * a1 - 2.0 * a0 * v1
+        k10, k11 = v1 * a0 - 2.0 * a1 * v0, along + v1 * a1 - 2.0 * a1 * v1
+        l00, l01, l11 = v0 * v0 - speed + sigma, v0 * v1, v1 * v1 - speed + sigma
+        for i in range(c):
+            out[9 * c + i] = (
+                k00 * W[3 * c + i] + k01 * W[4 * c + i] + l00 * W[6 * c + i] + l01 * W[7 * c + i]
+                - f00 * W[i] - f01 * W[c + i] - f02 * W[2 * c + i]
+            )  # fmt: skip
+            out[10 * c + i] = (
+                k10 * W[3 * c + i] + k11 * W[4 * c + i] + l01 * W[6 * c + i] + l11 * W[7 * c + i]
+                - f10 * W[i] - f11 * W[c + i] - f12 * W[2 * c + i]
+            )  # fmt: skip
+            out[11 * c + i] = 0.0
+    else:
+        for i in range(c):
+            out[9 * c + i] = (
+                W[10 * c + i] * v2 - W[11 * c + i] * v1 + j1 * W[5 * c + i] - j2 * W[4 * c + i]
+                + sigma * W[6 * c + i] - f00 * W[i] - f01 * W[c + i] - f02 * W[2 * c + i]
+            )  # fmt: skip
+            out[10 * c + i] = (
+                W[11 * c + i] * v0 - W[9 * c + i] * v2 + j2 * W[3 * c + i] - j0 * W[5 * c + i]
+                + sigma * W[7 * c + i] - f10 * W[i] - f11 * W[c + i] - f12 * W[2 * c + i]
+            )  # fmt: skip
+            out[11 * c + i] = (
+                W[9 * c + i] * v1 - W[10 * c + i] * v0 + j0 * W[4 * c + i] - j1 * W[3 * c + i]
+                + sigma * W[8 * c + i] - f20 * W[i] - f21 * W[c + i] - f22 * W[2 * c + i]
+            )  # fmt: skip
+
+
+@inlined
+def _workspace():
+    """Stages and stage values of the state and of the perturbations; the force's derivative."""
+    return (
+        np.zeros((_STAGES, _WIDTH)),
+        np.empty(_WIDTH),
+        np.empty((_STAGES, _SIZE)),
+        np.empty(_SIZE),
+        np.empty((3, 3)),
+    )
+
+
+@inlined
+def _step(pointing, table, sigma, time, h, y, W, linear, work):
+    """One Runge-Kutta step of the state y (16,) and, if `linear`, the perturbations W, in place."""
+    k, stage, kW, stage_W, dF = work
+    for s in range(_STAGES):
+        for i in range(_WIDTH):
+            stage[i] = y[i]
+        for r in range(s):
+            f = h * _A[s, r]
+            if f != 0.0:
+                for i in range(_WIDTH):
+                    stage[i] += f * k[r, i]
+        _derivative(pointing, table, sigma, time + _C[s] * h, stage, dF, k[s])
+        if linear:
+            for i in range(_SIZE):
+                stage_W[i] = W[i]
+            for r in range(s):
+                f = h * _A[s, r]
+                if f != 0.0:
+                    for i in range(_SIZE):
+                        stage_W[i] += f * kW[r, i]
+            _linearised(pointing, sigma, stage, dF, stage_W, kW[s])
+    for r in range(_STAGES):
+        f = h * _B[r]
+        if f != 0.0:
+            for i in range(_WIDTH):
+                y[i] += f * k[r, i]
+            if linear:
+                for i in range(_SIZE):
+                    W[i] += f * kW[r, i]
+    norm = 1.0 / np.sqrt(y[0] ** 2 + y[1] ** 2 + y[2] ** 2 + y[3] ** 2)
+    for i in range(4):
+        y[i] *= norm
+
+
+@inlined
+def _relative(p, q, out):
+    """out[:3] = rotation vector of p^-1 q, the shorter way."""
+    x = p[3] * q[0] - q[3] * p[0] - (p[1] * q[2] - p[2] * q[1])
+    y = p[3] * q[1] - q[3] * p[1] - (p[2] * q[0] - p[0] * q[2])
+    z = p[3] * q[2] - q[3] * p[2] - (p[0] * q[1] - p[1] * q[0])
+    w = p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]
+    if w < 0.0:
+        x, y, z, w = -x, -y, -z, -w
+    s = np.sqrt(x * x + y * y + z * z)
+    f = 2.0 * np.arctan2(s, w) / s if s > 0.0 else 2.0
+    out[0], out[1], out[2] = f * x, f * y, f * z
+
+
+@inlined
+def _difference(state, reference, out):
+    """out (12,) = state minus reference, as a perturbation of the reference."""
+    _relative(reference, state, out)
+    for i in range(9):
+        out[3 + i] = state[4 + i] - reference[4 + i]
+
+
+@kernel
+def measure(pointing, table, sigma, times, states, defects, middles, local, interpolation, difference):
+    """Defects by two half steps an interval, the states between, cost and local errors.
+
+    Parameters
+    ----------
+    times : (M + 1,)
+        Normalised.
+    states : (M + 1, 13)
+    defects : (M, 12)
+        Out: end of interval k minus state k + 1.
+    middles : (M, 13)
+        Out: states half-way.
+    local : (M, 12)
+        Out: difference between two half steps and one whole step.
+    interpolation : (M,)
+        Out: estimated error of the quintics through all these states [rad].
+
+    difference : (M,)
+        Out: difference of the costs by half steps and whole steps.
+
+    Returns
+    -------
+    The cost, by half steps.
+    """
+    work = _workspace()
+    whole, half, W = np.zeros(_WIDTH), np.zeros(_WIDTH), np.empty(1)
+    cost = 0.0
+    first = work[0][0]
+    bend = np.empty(3)
+    for k in range(times.size - 1):
+        h = times[k + 1] - times[k]
+        for i in range(STATE):
+            whole[i] = half[i] = states[k, i]
+        whole[STATE] = half[STATE] = 0.0
+        _step(pointing, table, sigma, times[k], h, whole, W, False, work)
+        _step(pointing, table, sigma, times[k], 0.5 * h, half, W, False, work)
+        middles[k, :] = half[:STATE]
+        for i in range(3):
+            bend[i] = first[10 + i]
+        _step(pointing, table, sigma, times[k] + 0.5 * h, 0.5 * h, half, W, False, work)
+        for i in range(3):
+            bend[i] -= 2.0 * first[10 + i]
+        _derivative(pointing, table, sigma, times[k + 1], half, work[4], first)
+        # A quintic's error is (h/2)^6 / 46080 times the sixth derivative, here by a second
+        # difference of the fourth.
+        interpolation[k] = (0.5 * h) ** 4 / 46080.0 * np.sqrt(
+            (bend[0] + first[10]) ** 2 + (bend[1] + first[11]) ** 2 + (bend[2] + first[12]) ** 2
+        )
+        _difference(half, states[k + 1], defects[k])
+        _difference(half, whole, local[k])
+        cost += half[STATE]
+        difference[k] = abs(half[STATE] - whole[STATE])
+    return cost
+
+
+@kernel
+def newton(pointing, table, sigma, times, states, goal, defects, given, step):
+    """Newton step of the multiple-shooting equations.
+
+    Parameters
+    ----------
+    states : (M + 1, 13)
+        The first one's attitude and rate are met exactly.
+    goal : (7,)
+        Quaternion and body rate at the end; on S^2 only the direction and its velocity count.
+    defects : (M, 12)
+        Used where `given`, else overwritten by those of whole steps.
+    step : (M + 1, 12)
+        Out: perturbations of the states that would meet the linearised equations.
+
+    Returns
+    -------
+    Whether the step exists and is finite.
+    """
+    M = times.size - 1
+    columns = 4 if pointing else 6
+    c = _COLUMNS
+    work = _workspace()
+    y = np.zeros(_WIDTH)
+    W = np.zeros(_SIZE)
+    Y = np.zeros((M + 1, 12, 6))
+    z = np.zeros((M + 1, 12))
+    U = np.zeros((M, 6, 6))
+    rho = np.zeros((M, 6))
+    if pointing:
+        Y[0, 6, 0] = Y[0, 7, 1] = Y[0, 9, 2] = Y[0, 10, 3] = 1.0
+    else:
+        for i in range(6):
+            Y[0, 6 + i, i] = 1.0
+    for k in range(M):
+        for i in range(12):
+            for j in range(columns):
+                W[i * c + j] = Y[k, i, j]
+            W[i * c + 6] = z[k, i]
+        for i in range(STATE):
+            y[i] = states[k, i]
+        y[STATE] = 0.0
+        _step(pointing, table, sigma, times[k], times[k + 1] - times[k], y, W, True, work)
+        if not given:
+            _difference(y, states[k + 1], defects[k])
+        E = Y[k + 1]
+        for j in range(columns):
+            for i in range(12):
+                E[i, j] = W[i * c + j]
+        # Modified Gram-Schmidt, twice the particular solution's share for its orthogonality.
+        for j in range(columns):
+            for m in range(j):
+                s = 0.0
+                for i in range(12):
+                    s += E[i, m] * E[i, j]
+                U[k, m, j] = s
+                for i in range(12):
+                    E[i, j] -= s * E[i, m]
+            s = 0.0
+            for i in range(12):
+                s += E[i, j] ** 2
+            s = np.sqrt(s)
+            if not s > 1e-300:
+                return False
+            U[k, j, j] = s
+            s = 1.0 / s
+            for i in range(12):
+                E[i, j] *= s
+        for i in range(12):
+            z[k + 1, i] = W[i * c + 6] + defects[k, i]
+        for j in range(columns):
+            s = 0.0
+            for i in range(12):
+                s += E[i, j] * z[k + 1, i]
+            rho[k, j] = s
+            for i in range(12):
+                z[k + 1, i] -= s * E[i, j]
+
+    # Conditions at the goal, rows G of the last perturbation and right-hand side g.
+    G = np.zeros((6, 12))
+    g = np.zeros(6)
+    end = states[M]
+    error = np.empty(12)
+    if pointing:
+        # The goal's direction in body components of the last attitude.
+        relative = np.empty(4)
+        _quaternion_ratio(end, goal, relative)
+        a, b, d, w = relative[0], relative[1], relative[2], relative[3]
+        y0, y1, y2 = 2 * (a * d + w * b), 2 * (b * d - w * a), w * w - a * a - b * b + d * d
+        # Moving e3 by delta: delta x e3 = (delta_2, -delta_1, 0).
+        length = np.sqrt(y0 * y0 + y1 * y1)
+        f = np.arctan2(length, y2) / length if length > 0.0 else 1.0
+        G[0, 1], g[0] = 1.0, f * y0
+        G[1, 0], g[1] = -1.0, f * y1
+        # The direction's velocity at the goal, in the body components of the last attitude, is
+        # to be v x e3 = (v_1, -v_0, 0); a turn by delta changes it by -delta x u.
+        u0, u1, u2 = _rotated(relative, goal[5], -goal[4], 0.0)
+        G[2, 3], G[2, 2], G[2, 0], g[2] = 1.0, -u0, u2, -u1 - end[4]
+        G[3, 4], G[3, 2], G[3, 1], g[3] = 1.0, -u1, u2, u0 - end[5]
+    else:
+        _relative(end, goal, error)
+        for i in range(3):
+            G[i, i], g[i] = 1.0, error[i]
+            G[3 + i, 3 + i], g[3 + i] = 1.0, goal[4 + i] - end[4 + i]
+    system = np.zeros((columns, columns))
+    right = np.zeros(columns)
+    for i in range(columns):
+        right[i] = g[i]
+        for m in range(12):
+            right[i] -= G[i, m] * z[M, m]
+            for j in range(columns):
+                system[i, j] += G[i, m] * Y[M, m, j]
+    if not _solve(system, right):
+        return False
+    beta = right
+    finite = True
+    for k in range(M, -1, -1):
+        if k < M:
+            for j in range(columns):
+                beta[j] -= rho[k, j]
+            for j in range(columns - 1, -1, -1):
+                s = beta[j]
+                for m in range(j + 1, columns):
+                    s -= U[k, j, m] * beta[m]
+                beta[j] = s / U[k, j, j]
+        for i in range(12):
+            s = z[k, i]
+            for j in range(columns):
+                s += Y[k, i, j] * beta[j]
+            step[k, i] = s
+            finite = finite and np.isfinite(s)
+    return finite
+
+
+@inlined
+def _quaternion_ratio(p, q, out):
+    """out = p^-1 q."""
+    out[0] = p[3] * q[0] - q[3] * p[0] - (p[1] * q[2] - p[2] * q[1])
+    out[1] = p[3] * q[1] - q[3] * p[1] - (p[2] * q[0] - p[0] * q[2])
+    out[2] = p[3] * q[2] - q[3] * p[2] - (p[0] * q[1] - p[1] * q[0])
+    out[3] = p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]
+
+
+@inlined
+def _rotated(q, x, y, z):
+    """The vector (x, y, z) turned by the quaternion q."""
+    a, b, c, d = q[0], q[1], q[2], q[3]
+    p, r, s = b * z - c * y, c * x - a * z, a * y - b * x
+    return (
+        x + 2.0 * (d * p + b * s - c * r),
+        y + 2.0 * (d * r + c * p - a * s),
+        z + 2.0 * (d * s + a * r - b * p),
+    )
+
+
+@inlined
+def _solve(A, b):
+    """Solve A x = b in place by elimination with row pivots; False when singular."""
+    n = b.size
+    for i in range(n):
+        pivot = i
+        for r in range(i + 1, n):
+            if abs(A[r, i]) > abs(A[pivot, i]):
+                pivot = r
+        if not abs(A[pivot, i]) > 1e-300:
+            return False
+        if pivot != i:
+            for m in range(n):
+                A[i, m], A[pivot, m] = A[pivot, m], A[i, m]
+            b[i], b[pivot] = b[pivot], b[i]
+        for r in range(i + 1, n):
+            f = A[r, i] / A[i, i]
+            for m in range(i, n):
+                A[r, m] -= f * A[i, m]
+            b[r] -= f * b[i]
+    for i in range(n - 1, -1, -1):
+        for m in range(i + 1, n):
+            b[i] -= A[i, m] * b[m]
+        b[i] /= A[i, i]
+    return True
+
+
+@kernel
+def advance(states, step, scale):
+    """Apply a Newton step, in place; returns the largest rotation in it [rad]."""
+    largest = 0.0
+    for k in range(states.shape[0]):
+        largest = max(largest, step[k, 0] ** 2 + step[k, 1] ** 2 + step[k, 2] ** 2)
+        turn(states[k], step[k], scale, states[k])
+        for i in range(9):
+            states[k, 4 + i] += scale * step[k, 3 + i]
+    return np.sqrt(largest)
