@@ -4,6 +4,6 @@ It needs only the trajectory, the problem and its obstacles.
 """
 
 from riem_planner.certificate.certify import Certificate, certify
-from riem_planner.certificate.clearance import Clearance, certify_clearance
+from riem_planner.certificate.clearance import Clearance, certify_clearance, clearance_along
 
-__all__ = ["Certificate", "Clearance", "certify", "certify_clearance"]
+__all__ = ["Certificate", "Clearance", "certify", "certify_clearance", "clearance_along"]

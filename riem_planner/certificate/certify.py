@@ -30,7 +30,7 @@ DURATION_TOLERANCE = 1e-9
 JOIN_TOLERANCE = 1e-9
 """Mismatch of two quintics where they meet [rad]; of rates times h, of accelerations times h^2."""
 JUMP_TOLERANCE = 0.1
-"""A turn from one sample to the next that its rates leave unexplained, per greatest rate times h."""
+"""Turn to the next sample that the rates leave unexplained, per greatest rate times h."""
 HALF_TURN = 0.9 * math.pi
 """Samples further apart than this [rad] leave open which way round the attitude goes."""
 

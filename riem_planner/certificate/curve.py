@@ -1,5 +1,8 @@
 """Checks of the curve itself: it joins, does not jump, meets its end states, and how fast it is."""
 
+# Compiled: Numba finds the types.
+# mypy: disallow-untyped-defs=False, disallow-untyped-calls=False, check-untyped-defs=False
+
 from __future__ import annotations
 
 import numpy as np
@@ -141,9 +144,7 @@ def _check_intervals(result, times, quaternions, rates, accelerations, c, boresi
     pieces = 1 + _PIECES // last
     for k in range(last):
         h = times[k + 1] - times[k]
-        result[JOIN] = max(
-            result[JOIN], _join_error(c, quaternions, rates, accelerations, k, h)
-        )
+        result[JOIN] = max(result[JOIN], _join_error(c, quaternions, rates, accelerations, k, h))
         turn = _turn(quaternions, k)
         if turn > result[TURN]:
             result[TURN], result[TURN_TIME] = turn, times[k]

@@ -10,6 +10,9 @@ and a polynomial on an interval lies in the convex hull of its Bernstein coeffic
 norm is at most the largest of theirs.
 """
 
+# Compiled: Numba finds the types.
+# mypy: disallow-untyped-defs=False, disallow-untyped-calls=False, check-untyped-defs=False
+
 from __future__ import annotations
 
 import numpy as np

@@ -8,8 +8,8 @@ import pytest
 from curves import problem_of, random_curve, random_quaternion, slew
 
 from riem_planner import OrientationObstacle, Trajectory, Zone, certify
-from riem_planner.certificate import certify_clearance
-from riem_planner.certificate.clearance import LEAST_TIGHTNESS, RELATIVE_TIGHTNESS, TIGHTNESS
+from riem_planner.certificate import certify_clearance, clearance_along
+from riem_planner.certificate.distance_bounds import LEAST_TIGHTNESS, RELATIVE_TIGHTNESS, TIGHTNESS
 from riem_planner.geometry import so3
 from riem_planner.obstacles import obstacle_table
 
@@ -18,14 +18,18 @@ def random_obstacles(rng, moving):
     def common():
         return {"strength": 1.0, "rate": moving * rng.normal(size=3)}
 
-    zones = [
-        Zone(rng.normal(size=3), rng.uniform(0.05, 0.5), rng.normal(size=3), name=f"z{i}", **common())
-        for i in range(2)
-    ]
+    def places():
+        return rng.normal(size=3), rng.uniform(0.05, 0.5), rng.normal(size=3)
+
+    zones = [Zone(*places(), name=f"z{i}", **common()) for i in range(2)]
     members = [
         Zone(
-            rng.normal(size=3), rng.uniform(0.8, 2.5), rng.normal(size=3), group="g",
-            kind="keep_in", **common(),
+            rng.normal(size=3),
+            rng.uniform(0.8, 2.5),
+            rng.normal(size=3),
+            group="g",
+            kind="keep_in",
+            **common(),
         )
         for _ in range(3)
     ]
@@ -37,17 +41,7 @@ def random_obstacles(rng, moving):
 
 
 def sampled_margins(trajectory, problem, times, since=0.0):
-    """Margins (n,) per name at times (n,), by the obstacles' own NumPy distances."""
-    R = trajectory.evaluate(times)[0]
-    margins = {}
-    for o in problem.obstacles:
-        d = o.distance(R, times - since)
-        if o.kind == "keep_in":
-            name = o.group or o.name
-            margins[name] = np.maximum(margins.get(name, -np.inf), o.radius - d)
-        else:
-            margins[o.name] = d - o.radius
-    return margins
+    return clearance_along(trajectory, problem, times, from_time=since)
 
 
 def slack(least):
@@ -257,3 +251,14 @@ def test_certifying_is_fast():
         certify(trajectory, problem, table=table)
         durations.append(time.perf_counter() - begin)
     assert min(durations) < 1.5e-4
+
+
+def test_margins_along_a_trajectory_are_those_of_the_problem():
+    rng = np.random.default_rng(5)
+    trajectory = random_curve(rng, 21)
+    problem = problem_of(trajectory, random_obstacles(rng, 0.05))
+    times = np.linspace(0.0, 20.0, 7)
+    margins = clearance_along(trajectory, problem, times.reshape(7, 1))
+    for i, t in enumerate(times):
+        for name, margin in problem.margins(trajectory.evaluate(t)[0], t).items():
+            assert margins[name][i, 0] == pytest.approx(margin, abs=1e-14)

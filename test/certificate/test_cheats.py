@@ -93,7 +93,7 @@ def test_a_wrong_end_is_refused(end):
     problem = problem_of(trajectory)
     state = getattr(problem, end)
     away = State(state.orientation @ so3.exp([0.0, 2e-6, 0.0]), state.angular_velocity)
-    faster = State(state.orientation, state.angular_velocity + [0.0, 0.0, 3e-6])
+    faster = State(state.orientation, state.angular_velocity + np.array([0.0, 0.0, 3e-6]))
     wrong = problem_of(trajectory)
     object.__setattr__(wrong, end, away)
     certificate = refused(trajectory, wrong, f"{end}: missed by 2e-06 rad")
