@@ -184,6 +184,10 @@ class Problem:
 
     def _completed(self, index: int, obstacle: Obstacle) -> Obstacle:
         key = f"obstacles[{index}]"
+        if not isinstance(obstacle, OrientationObstacle | Zone):
+            raise InvalidProblemError(
+                key, f"expected an OrientationObstacle or a Zone, got {type(obstacle).__name__}"
+            )
         name = str(index) if obstacle.name is None else obstacle.name
         if isinstance(obstacle, OrientationObstacle):
             if self.space == S2:
@@ -193,10 +197,6 @@ class Problem:
                     " direction as a keep_out zone",
                 )
             return obstacle if obstacle.name is not None else replace(obstacle, name=name)
-        if not isinstance(obstacle, Zone):
-            raise InvalidProblemError(
-                key, f"expected an OrientationObstacle or a Zone, got {type(obstacle).__name__}"
-            )
         boresight = self.boresight if obstacle.boresight is None else obstacle.boresight
         if self.space == S2 and not np.allclose(boresight, self.boresight, rtol=0.0, atol=1e-9):
             raise InvalidProblemError(

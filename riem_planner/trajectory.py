@@ -121,12 +121,15 @@ class Trajectory:
 def _curvature_coefficients(square):
     """Of the right Jacobian and its rate: (1-cos x)/x^2, (x-sin x)/x^3, d/dx of each over x."""
     if square < 0.25:
-        first = 0.5 - square / 24 * (1 - square / 30 * (1 - square / 56 * (1 - square / 90 * (1 - square / 132))))
-        second = 1 / 6 - square / 120 * (
-            1 - square / 42 * (1 - square / 72 * (1 - square / 110 * (1 - square / 156)))
+        z = square
+        first = 0.5 - z / 24 * (1 - z / 30 * (1 - z / 56 * (1 - z / 90 * (1 - z / 132))))
+        second = 1 / 6 - z / 120 * (1 - z / 42 * (1 - z / 72 * (1 - z / 110 * (1 - z / 156))))
+        first_rate = -1 / 12 + z * (
+            1 / 180 - z * (1 / 6720 - z * (1 / 453600 - z * (1 / 47900160 - z / 7264857600)))
         )
-        first_rate = -1 / 12 + square / 180 - square**2 / 6720 + square**3 / 453600 - square**4 / 47900160
-        second_rate = -1 / 60 + square / 1260 - square**2 / 60480 + square**3 / 4989600 - square**4 / 622702080
+        second_rate = -1 / 60 + z * (
+            1 / 1260 - z * (1 / 60480 - z * (1 / 4989600 - z * (1 / 622702080 - z / 108972864000)))
+        )
         return first, second, first_rate, second_rate
     x = np.sqrt(square)
     sine, cosine = np.sin(x), np.cos(x)
@@ -176,7 +179,8 @@ def _jacobian_inverse_times(xi, vector):
     """Right Jacobian inverse of exp at xi, applied to a vector."""
     square = xi[0] ** 2 + xi[1] ** 2 + xi[2] ** 2
     if square < 0.25:
-        C = 1 / 12 + square / 720 * (1 + square / 42 * (1 + square / 40 * (1 + square * 10 / 396)))
+        tail = 1 + square * 10 / 396 * (1 + square * 691 / 27300 * (1 + square * 35 / 1382))
+        C = 1 / 12 + square / 720 * (1 + square / 42 * (1 + square / 40 * tail))
     else:
         half = 0.5 * np.sqrt(square)
         C = (1 - half / np.tan(half)) / square

@@ -48,7 +48,7 @@ def test_euclidean_space_gives_the_hermite_cubic():
     space = euclidean(3)
     solution = solved(stated(space, obstacles=False, tension=0.0))
     t = np.linspace(0.0, 2.0, 9)
-    g, v, a = solution.trajectory.evaluate(t)
+    g, _, a = solution.trajectory.evaluate(t)
     s = t[:, None] / 2.0
     cubic = (
         (s**3 - 2 * s**2 + s) * 2 * V0 + (3 * s**2 - 2 * s**3) * X1 + (s**3 - s**2) * 2 * V1
@@ -201,5 +201,5 @@ def test_evaluate_beyond_the_ends_is_refused():
 
 
 def test_start_outside_the_group_is_refused():
-    with pytest.raises(InvalidProblemError, match="start.element"):
+    with pytest.raises(InvalidProblemError, match=r"start\.element"):
         stated(special_orthogonal(3), start=GeneralState(2 * np.eye(3), V0))

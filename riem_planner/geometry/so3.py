@@ -114,8 +114,10 @@ def matrix_to_quaternion(matrix: ArrayLike) -> Array:
     """
     m = np.asarray(matrix, dtype=float)
     m00, m11, m22 = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
-    xy, xz, yz = m[..., 0, 1] + m[..., 1, 0], m[..., 0, 2] + m[..., 2, 0], m[..., 1, 2] + m[..., 2, 1]
-    wx, wy, wz = m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]
+    t = np.swapaxes(m, -1, -2)
+    both, turn = m + t, m - t
+    xy, xz, yz = both[..., 0, 1], both[..., 0, 2], both[..., 1, 2]
+    wx, wy, wz = turn[..., 2, 1], turn[..., 0, 2], turn[..., 1, 0]
     outer = np.stack(
         [
             np.stack([1.0 + m00 - m11 - m22, xy, xz, wx], axis=-1),
@@ -156,7 +158,9 @@ def _jacobian_coefficients(angle: Array) -> tuple[Array, Array]:
     """`(1 - cos x) / x^2` and `(x - sin x) / x^3`, without cancellation near 0."""
     first = 0.5 * np.sinc(0.5 * angle / np.pi) ** 2
     square = angle * angle
-    series = 1 / 6 - square / 120 * (1 - square / 42 * (1 - square / 72 * (1 - square / 110)))
+    series = 1 / 6 - square / 120 * (
+        1 - square / 42 * (1 - square / 72 * (1 - square / 110 * (1 - square / 156)))
+    )
     large = np.where(angle > _SERIES, angle, 1.0)
     second = np.where(angle > _SERIES, (large - np.sin(large)) / large**3, series)
     return first, second
@@ -182,7 +186,8 @@ def right_jacobian_inverse(rotation_vector: ArrayLike) -> Array:
     xi = np.asarray(rotation_vector, dtype=float)
     angle = np.linalg.norm(xi, axis=-1)
     square = angle * angle
-    series = 1 / 12 + square / 720 * (1 + square / 42 * (1 + square / 40 * (1 + square * 10 / 396)))
+    tail = 1 + square * 10 / 396 * (1 + square * 691 / 27300 * (1 + square * 35 / 1382))
+    series = 1 / 12 + square / 720 * (1 + square / 42 * (1 + square / 40 * tail))
     large = np.where(angle > _SERIES, angle, 1.0)
     exact = (1.0 - 0.5 * large / np.tan(0.5 * large)) / large**2
     coefficient = np.where(angle > _SERIES, exact, series)
