@@ -26,6 +26,7 @@ from riem_planner.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 _SAMPLES = 401
+_MOST = 6  # zones that a legend has room for, and that there are styles for
 # Colours of different lightness (Okabe and Ito), each with a marker of its own.
 _STYLES = (
     ("black", "o"),
@@ -35,6 +36,7 @@ _STYLES = (
     ("#CC79A7", "v"),
     ("#56B4E9", "P"),
 )
+_SMALL = math.radians(6.0)  # half-angle of a zone that a letter would cover
 _STRAIGHT: dict[str, Any] = {"linestyle": (0, (4, 3)), "linewidth": 0.9}
 _LABEL: dict[str, Any] = {"fontsize": 8}
 
@@ -49,12 +51,25 @@ def plot_plan(
 
     Parameters
     ----------
+    problem, trajectory, certificate
+        As for `plan_figure`.
+    path
+        The file; its ending decides the format (png, pdf, svg).
+    """
+    plan_figure(problem, trajectory, certificate).savefig(str(path), dpi=160)
+
+
+def plan_figure(
+    problem: Problem, trajectory: Trajectory, certificate: Certificate | None = None
+) -> Figure:
+    """Figure of a trajectory.
+
+    Parameters
+    ----------
     problem
         What was planned; its zones are drawn, its straight slew is dashed.
     trajectory
         What is to be flown.
-    path
-        The file; its ending decides the format (png, pdf, svg).
     certificate
         Of the trajectory; by default it is certified here.
     """
@@ -71,7 +86,7 @@ def plot_plan(
     panels[2].set_xlabel("time [s]", **_LABEL)
     panels[2].set_xlim(0.0, trajectory.duration)
     figure.suptitle(_title(problem, certificate), fontsize=11)
-    figure.savefig(str(path), dpi=160)
+    return figure
 
 
 def _title(problem: Problem, certificate: Certificate) -> str:
@@ -137,7 +152,14 @@ def _draw_sphere(
             _mark_end(view, path[-1], "*", color)
             handles.append(Line2D([], [], color=color, marker=marker, markersize=3, label=name))
     handles += _end_handles()
-    figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=7.5, frameon=False)
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=2,
+        columnspacing=1.2,
+        fontsize=7.5,
+        frameon=False,
+    )
 
 
 def _mark_end(view: SphereView, point: Array, marker: str, color: str) -> None:
@@ -183,9 +205,16 @@ def _draw_zones(view: SphereView, rim: Any, problem: Problem) -> list[Any]:
             view.text(_beside(view, point), letter, **_LETTER)
         else:
             _draw_zone(view, rim, obstacle, letter, problem.duration)
-    for key, (letter, names) in drawn.items():
-        handles.append(_zone_handle(key, f"{letter}  {', '.join(names)}"))
+    for key, (letter, names) in [*drawn.items()][:_MOST]:
+        handles.append(_zone_handle(key, f"{letter}  {_short(', '.join(names))}"))
+    if len(drawn) > _MOST:
+        handles.append(Patch(alpha=0.0, label=f"and {len(drawn) - _MOST} more"))
     return handles
+
+
+def _short(text: str, most: int = 26) -> str:
+    """The text, cut where a legend has no room for more."""
+    return text if len(text) <= most else text[: most - 1] + "…"
 
 
 _LETTER: dict[str, Any] = {
@@ -220,7 +249,11 @@ def _draw_zone(view: SphereView, rim: Any, zone: Zone, letter: str, duration: fl
             zone.direction_at(np.linspace(0.0, duration, 61)), color="0.25", linestyle=":",
             linewidth=0.9,
         )  # fmt: skip
-    view.text(axis if out else _on_edge(view, axis, zone.half_angle), letter, **_LETTER)
+    if not out:
+        axis = _on_edge(view, axis, zone.half_angle)
+    elif zone.half_angle < _SMALL:
+        axis = _beside(view, axis)
+    view.text(axis, letter, **_LETTER)
 
 
 def _beside(view: SphereView, point: Array) -> Array:
@@ -285,25 +318,28 @@ def _draw_clearance(
         return
     times, margins = margins_over_time(problem, trajectory, _SAMPLES)
     _, straight_margins = margins_over_time(problem, straight, _SAMPLES)
-    for i, ((name, values), (color, marker)) in enumerate(
-        zip(margins.items(), _cycle(len(margins)), strict=True)
-    ):
+    by_margin = sorted(margins, key=lambda name: float(margins[name].min()))
+    tightest = [name for name in margins if name in by_margin[:_MOST]]
+    for i, (name, (color, marker)) in enumerate(zip(tightest, _cycle(len(tightest)), strict=True)):
+        values = margins[name]
         bound = math.degrees(certificate.clearance.get(name, math.nan))
         axes.plot(
             times, np.degrees(values), color=color, marker=marker, markersize=3,
-            markevery=(11 * i, 40), linewidth=1.4, label=f"{name}: at least {bound:.3g}°",
+            markevery=(11 * i, 40), linewidth=1.4, label=f"{_short(name)}: at least {bound:.3g}°",
         )  # fmt: skip
         axes.axhline(bound, color=color, linestyle=":", linewidth=1.0)
         axes.plot(times, np.degrees(straight_margins[name]), color=color, **_STRAIGHT)
-    lowest = min(0.0, *(float(np.degrees(m.min())) for m in straight_margins.values()))
+    lowest = min(0.0, *(float(np.degrees(straight_margins[name].min())) for name in tightest))
     bottom = 1.15 * lowest - 1.0
     axes.axhspan(bottom, 0.0, facecolor="none", edgecolor="0.75", hatch="////", linewidth=0.0)
     axes.axhline(0.0, color="0.25", linewidth=1.0)
     axes.set_ylim(bottom=bottom)
     handles = axes.get_legend_handles_labels()[0]
+    if len(margins) > len(tightest):
+        handles.append(Patch(alpha=0.0, label=f"and {len(margins) - _MOST} more, farther"))
     handles.append(Line2D([], [], color="0.25", linestyle=":", label="certified bound"))
     handles.append(Line2D([], [], color="0.25", label="straight slew", **_STRAIGHT))
-    _finish(axes, ncols=2 if len(handles) <= 6 else 3, handles=handles)
+    _finish(axes, ncols=2, handles=handles)
 
 
 def _finish(axes: Any, *, ncols: int, handles: list[Any] | None = None) -> None:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_GRID = 481  # points along each side of the raster that zones are drawn from
 RIM = "0.35"
 GRATICULE = "0.86"
 
@@ -81,22 +80,27 @@ class SphereView:
     def cap(self, axis: Array, half_angle: float, rim: Any, *, fill: dict[str, Any] | None,
             edge: dict[str, Any]) -> None:  # fmt: skip
         """Draw the cone of a half-angle [rad] about an axis (3,) as a cap, clipped by the rim."""
-        side = np.linspace(-1.03, 1.03, _GRID)
-        X, Y = np.meshgrid(side, side)
-        radius = np.maximum(np.hypot(X, Y), 1e-12)
-        shrink = np.where(radius > 1.0, 1.0 / radius, 1.0)
-        depth = np.sqrt(np.maximum(1.0 - (shrink * radius) ** 2, 0.0))
-        points = np.stack([shrink * X, shrink * Y, depth], axis=-1) @ self.frame
-        inside = half_angle - np.arctan2(
-            np.linalg.norm(np.cross(points, axis), axis=-1), points @ axis
-        )
+        # Above 0 inside the cone; beyond the rim the values of the rim go on, to be clipped.
+        inside = (_SHEET @ self.frame) @ axis - np.cos(half_angle)
         if inside.max() <= 0.0:
             return
         if fill is not None:
-            self.axes.contourf(X, Y, inside, levels=[0.0, 4.0], **fill).set_clip_path(rim)
-        self.axes.contour(X, Y, inside, levels=[0.0], **edge).set_clip_path(rim)
+            self.axes.contourf(_SIDE, _SIDE, inside, levels=[0.0, 4.0], **fill).set_clip_path(rim)
+        self.axes.contour(_SIDE, _SIDE, inside, levels=[0.0], **edge).set_clip_path(rim)
 
 
+_SIDE = np.linspace(-1.03, 1.03, 361)
+
+
+def _sheet() -> Array:
+    """Points (361, 361, 3) of the near half, in the view's frame, over the raster of `_SIDE`."""
+    X, Y = np.meshgrid(_SIDE, _SIDE)
+    shrink = 1.0 / np.maximum(np.hypot(X, Y), 1.0)
+    X, Y = shrink * X, shrink * Y
+    return np.stack([X, Y, np.sqrt(np.maximum(1.0 - X**2 - Y**2, 0.0))], axis=-1)
+
+
+_SHEET = _sheet()
 _GRATICULE: dict[str, Any] = {"color": GRATICULE, "linewidth": 0.6, "zorder": 0.7}
 
 
