@@ -15,11 +15,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from riem_planner.certificate import Certificate, certify
+from riem_planner.certificate import Certificate, certify, clearance_along
 from riem_planner.geometry import so3
 from riem_planner.obstacles import OrientationObstacle, Zone
 from riem_planner.offline.sphere_view import RIM, SphereView, view_frames
-from riem_planner.offline.straight import margins_over_time, straight_slew
+from riem_planner.offline.straight import straight_slew
 from riem_planner.problem import Problem
 from riem_planner.trajectory import Trajectory
 
@@ -316,8 +316,9 @@ def _draw_clearance(
     if not problem.obstacles:
         axes.text(0.5, 0.5, "no obstacles", transform=axes.transAxes, ha="center", **_LABEL)
         return
-    times, margins = margins_over_time(problem, trajectory, _SAMPLES)
-    _, straight_margins = margins_over_time(problem, straight, _SAMPLES)
+    times = np.linspace(0.0, trajectory.duration, _SAMPLES)
+    margins = clearance_along(trajectory, problem, times)
+    straight_margins = clearance_along(straight, problem, times)
     by_margin = sorted(margins, key=lambda name: float(margins[name].min()))
     tightest = [name for name in margins if name in by_margin[:_MOST]]
     for i, (name, (color, marker)) in enumerate(zip(tightest, _cycle(len(tightest)), strict=True)):

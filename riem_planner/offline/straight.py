@@ -38,21 +38,3 @@ def straight_slew(problem: Problem, samples: int = 201) -> Trajectory:
     rates = turn * 6.0 * s * (1.0 - s) / T
     accelerations = turn * (6.0 - 12.0 * s) / T**2
     return Trajectory(T * s[:, 0], quaternions, rates, accelerations)
-
-
-def margins_over_time(
-    problem: Problem, trajectory: Trajectory, samples: int = 401
-) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Distance to each forbidden set along a trajectory.
-
-    Returns
-    -------
-    times : (samples,)
-        Evenly spaced [s].
-    margins
-        By name, as `Problem.margins`, arrays (samples,) [rad].
-    """
-    times = np.linspace(0.0, trajectory.duration, samples)
-    attitudes = trajectory.evaluate(times)[0]
-    rows = [problem.margins(R, float(t)) for R, t in zip(attitudes, times, strict=True)]
-    return times, {name: np.array([row[name] for row in rows]) for name in rows[0]}

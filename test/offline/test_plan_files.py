@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from riem_planner.certificate import clearance_along
 from riem_planner.errors import InvalidProblemError
 from riem_planner.geometry import so3
 from riem_planner.offline import planning
@@ -21,7 +22,7 @@ from riem_planner.offline.plan_files import (
 )
 from riem_planner.offline.planning import plan_stated
 from riem_planner.offline.problem_files import read_problem, stated_problem
-from riem_planner.offline.straight import margins_over_time, straight_slew
+from riem_planner.offline.straight import straight_slew
 from riem_planner.solution import Solution, Status
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -69,7 +70,8 @@ def test_samples_are_even_and_end_at_the_duration(document):
 
 
 def test_clearance_is_that_of_the_samples_and_a_true_lower_bound(stated, plan, document):
-    _, margins = margins_over_time(stated.problem, plan.trajectory, 2001)
+    times = np.linspace(0.0, stated.problem.duration, 2001)
+    margins = clearance_along(plan.trajectory, stated.problem, times)
     for name, bound in document["clearance_deg"].items():
         least = math.degrees(margins[name].min())
         assert bound <= least

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from riem_planner.certificate import clearance_along
 from riem_planner.geometry import so3
 from riem_planner.offline.planning import plan_stated
 from riem_planner.offline.problem_files import read_problem, stated_problem
-from riem_planner.offline.straight import margins_over_time, straight_slew
+from riem_planner.offline.straight import straight_slew
 from riem_planner.plan import solve
 
 FOLDER = Path(__file__).resolve().parents[2] / "config/problems"
@@ -46,7 +47,8 @@ def test_every_published_manoeuvre_is_here():
 
 def test_straight_slew_violates_its_zones(stated):
     problem = stated.problem
-    _, margins = margins_over_time(problem, straight_slew(problem), 8001)
+    times = np.linspace(0.0, problem.duration, 8001)
+    margins = clearance_along(straight_slew(problem), problem, times)
     least = {name: math.degrees(values.min()) for name, values in margins.items()}
     assert least == pytest.approx(STRAIGHT[problem.name], abs=2e-3)
     assert min(least.values()) < 0.0
@@ -58,7 +60,8 @@ def test_plan_is_certified_with_clearance_in_every_zone(stated):
     assert plan.certificate.clearance.keys() == STRAIGHT[stated.problem.name].keys()
     assert min(plan.certificate.clearance.values()) > 0.0
     # The bound is a bound: finer sampling than the plan's finds nothing closer.
-    _, margins = margins_over_time(stated.problem, plan.trajectory, 2001)
+    times = np.linspace(0.0, stated.problem.duration, 2001)
+    margins = clearance_along(plan.trajectory, stated.problem, times)
     for name, bound in plan.certificate.clearance.items():
         assert margins[name].min() >= bound
 
