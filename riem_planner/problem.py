@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from riem_planner.errors import InvalidProblemError
 from riem_planner.geometry import so3
+from riem_planner.limits import Limits
 from riem_planner.obstacles import Obstacle, OrientationObstacle, Zone
 from riem_planner.validation import (
     finite_array,
@@ -22,6 +23,9 @@ from riem_planner.validation import (
 )
 
 Array = NDArray[np.float64]
+
+AUTO = "auto"
+"""The duration that asks for the least within the limits."""
 
 _HORIZONTAL_TOLERANCE = 1e-6  # rad/s of roll that still counts as rounding on S^2
 
@@ -133,7 +137,8 @@ class Problem:
         End states. On S^2 only where the boresight points and how it moves is met at the goal;
         the rates must be orthogonal to the boresight.
     duration
-        T [s].
+        T [s]; `"auto"` for the least within the limits, which `solve` then finds (until then
+        the duration is infinite).
     space
         `SO3` or `S2`.
     tension
@@ -144,6 +149,8 @@ class Problem:
         On S^2 the body axis that points; on SO(3) the axis of zones that name none.
     name
         What results call the problem.
+    limits
+        What the spacecraft can do; a trajectory is certified only within them.
 
     Raises
     ------
@@ -160,13 +167,16 @@ class Problem:
     obstacles: tuple[Obstacle, ...] = ()
     boresight: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
     name: str = ""
+    limits: Limits | None = None
 
     def __post_init__(self) -> None:
         """Validate, freeze, and give every obstacle its name and boresight."""
         set_field = object.__setattr__
         if self.space not in (SO3, S2):
             raise InvalidProblemError("space", f"expected SO3 or S2, got {self.space!r}")
-        set_field(self, "duration", positive_number("duration", self.duration))
+        if not isinstance(self.limits, Limits | None):
+            raise InvalidProblemError("limits", f"expected Limits, got {self.limits!r}")
+        set_field(self, "duration", self._checked_duration())
         if self.tension is not None and self.normalized_tension is not None:
             raise InvalidProblemError(
                 "tension", "expected at most one of tension, normalized_tension, got both"
@@ -181,6 +191,18 @@ class Problem:
         if self.space == S2:
             self._check_horizontal("start", self.start)
             self._check_horizontal("goal", self.goal)
+
+    def _checked_duration(self) -> float:
+        given: object = self.duration
+        if given == math.inf and self.limits is not None:
+            return math.inf
+        if given != AUTO:
+            return positive_number("duration", given)
+        if self.limits is None:
+            raise InvalidProblemError(
+                "limits", "missing; an automatic duration is the least within limits: give them"
+            )
+        return math.inf
 
     def _completed(self, index: int, obstacle: Obstacle) -> Obstacle:
         key = f"obstacles[{index}]"
@@ -214,8 +236,8 @@ class Problem:
         for name in [*names, *groups]:
             if [*names, *groups].count(name) > 1:
                 raise InvalidProblemError(
-                    "obstacles", f"the name {name!r} is used twice; names of obstacles and groups"
-                    " must differ"
+                    "obstacles",
+                    f"the name {name!r} is used twice; names of obstacles and groups must differ",
                 )
 
     def _check_horizontal(self, key: str, state: State) -> None:
@@ -227,6 +249,11 @@ class Problem:
                 f"on s2 the rate must be orthogonal to the boresight, got a roll of {roll:.6g}"
                 " rad/s; subtract it",
             )
+
+    @property
+    def has_auto_duration(self) -> bool:
+        """Whether the duration is the least within the limits, yet to be found."""
+        return math.isinf(self.duration)
 
     @property
     def sigma(self) -> float:

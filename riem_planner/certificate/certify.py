@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 from riem_planner.certificate import curve
 from riem_planner.certificate.clearance import certify_clearance
 from riem_planner.certificate.extremality import extremality, invariant_drift
+from riem_planner.certificate.limit_use import certify_limits
+from riem_planner.limits import Limits
 from riem_planner.obstacles import ObstacleTable
 from riem_planner.problem import S2
 
@@ -54,6 +56,11 @@ class Certificate:
         Attitude (on S^2: direction) [rad] and rate [rad/s], the larger of start and goal.
     rate_bound
         Certified bound of |v| in continuous time [rad/s].
+    limit_margins
+        Certified part of each limit that is left, at its worst in continuous time: 0.2 says that
+        four fifths are used, -0.1 that a tenth more than allowed is. Empty without limits.
+    breaks_only_limits
+        Whether nothing but limits stands against the trajectory.
     trajectory, problem
         What was judged; the two figures below are computed from them when asked for.
     """
@@ -64,6 +71,8 @@ class Certificate:
     worst: dict[str, float]
     boundary_error: tuple[float, float]
     rate_bound: float
+    limit_margins: dict[str, float]
+    breaks_only_limits: bool
     trajectory: Trajectory = field(repr=False)
     problem: Problem = field(repr=False)
 
@@ -81,7 +90,7 @@ class Certificate:
 def certify(
     trajectory: Trajectory,
     problem: Problem,
-    limits: object = None,
+    limits: Limits | None = None,
     *,
     table: tuple[ObstacleTable, list[str]] | None = None,
 ) -> Certificate:
@@ -93,6 +102,8 @@ def certify(
         What setpoints are sampled from.
     problem
         What it has to fulfil.
+    limits
+        What the spacecraft can do; by default the problem's.
     table
         `obstacle_table(problem)`, where it is at hand.
     """
@@ -108,10 +119,11 @@ def certify(
         problem.space == S2,
     ).tolist()
     cleared = certify_clearance(trajectory, problem, table=table)
+    within = certify_limits(trajectory, problem.limits if limits is None else limits)
     reasons = _refusals(figures, trajectory, problem) + cleared.reasons
     return Certificate(
-        certified=not reasons,
-        reasons=reasons,
+        certified=not reasons and not within.reasons,
+        reasons=reasons + within.reasons,
         clearance=cleared.clearance,
         worst=cleared.worst,
         boundary_error=(
@@ -119,6 +131,8 @@ def certify(
             max(figures[curve.START_RATE], figures[curve.GOAL_RATE]),
         ),
         rate_bound=figures[curve.RATE],
+        limit_margins={key: 1.0 - part for key, part in within.parts.items()},
+        breaks_only_limits=bool(within.reasons) and not reasons,
         trajectory=trajectory,
         problem=problem,
     )
