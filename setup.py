@@ -67,7 +67,7 @@ setup(
     zip_safe=False,
     entry_points={
         "console_scripts": [
-            "planner_node = riem_planner.node.planner_node:main",
+            "planner_node = riem_planner.node.main:main",
             "spacecraft_sim = riem_planner.node.spacecraft_sim:main",
             "riem_plan = riem_planner.offline.command:main",
             "riem_figures = riem_planner.offline.figures:main",
