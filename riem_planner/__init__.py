@@ -2,6 +2,7 @@
 
 from riem_planner.certificate import Certificate, certify
 from riem_planner.errors import InvalidProblemError, PlanningError, RiemPlannerError
+from riem_planner.limits import Limits
 from riem_planner.obstacles import OrientationObstacle, Zone
 from riem_planner.plan import plan, solve, solve_many, warm_up
 from riem_planner.problem import S2, SO3, Problem, Space, State
@@ -16,6 +17,7 @@ __all__ = [
     "Alternative",
     "Certificate",
     "InvalidProblemError",
+    "Limits",
     "OrientationObstacle",
     "PlanningError",
     "Problem",

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from riem_planner.certificate import certify
 from riem_planner.compiled import announced
+from riem_planner.duration import advised, solve_auto
 from riem_planner.errors import PlanningError
 from riem_planner.geometry import so3
-from riem_planner.obstacles.potential import rounding
+from riem_planner.obstacles.potential import rounding, row_margins
 from riem_planner.problem import S2, Problem, State
 from riem_planner.solution import Alternative, Solution, Status
 from riem_planner.solver.curves import crosses_cut
@@ -27,11 +28,11 @@ from riem_planner.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_MOST_RESULTS = 4  # extremals that are computed for one problem
-_CUT_SAMPLES = 200  # an interval, for the part of the cost that rounding the cut locus hides
+_MOST_RESULTS = 3  # extremals that are computed for one problem
+_CUT_SAMPLES = 100  # an interval, for the part of the cost that rounding the cut locus hides
 _NOTE_CUT = (
     "the trajectory passes the cut locus of an obstacle (distance pi), where the plain potential"
-    " has a kink: it is an extremal of the potential rounded within 0.05 rad of it; give the"
+    " has a kink: it is an extremal of the potential rounded within 0.1 rad of it; give the"
     " obstacle a range to taper the potential instead"
 )
 
@@ -70,8 +71,17 @@ def solve(
         A value whatever happens: `status` says how it went and what to do about it.
     """
     watch = Watch(deadline, should_stop)
+
+    def fixed(problem: Problem, near: Trajectory | None) -> Solution:
+        return _solve(problem, watch, tolerance, near or warm_start, search == "local")
+
     try:
-        return _solve(problem, watch, tolerance, warm_start, search == "local")
+        if problem.has_auto_duration:
+            return solve_auto(problem, fixed)
+        solution = fixed(problem, None)
+        if solution.status is Status.LIMITS_EXCEEDED:
+            return advised(problem, solution, fixed)
+        return solution
     except Interrupted as interruption:
         status = interruption.status
         what = "the deadline passed" if status is Status.OUT_OF_TIME else "cancelled"
@@ -133,10 +143,10 @@ def warm_up(notify: Callable[[str], None] | None = None) -> None:
 def _solve(
     problem: Problem, watch: Watch, tolerance: float, warm_start: Trajectory | None, local: bool
 ) -> Solution:
-    refusal = _end_in_zone(problem)
+    setup = set_up(problem)
+    refusal = _end_in_zone(problem, setup)
     if refusal is not None:
         return refusal
-    setup = set_up(problem)
     if local:
         curves = local_search(setup, watch, warm_start)
     else:
@@ -144,13 +154,15 @@ def _solve(
     return _best(problem, setup, curves, tolerance, watch)
 
 
-def _end_in_zone(problem: Problem) -> Solution | None:
+def _end_in_zone(problem: Problem, setup: Setup) -> Solution | None:
     ends = (
-        (Status.START_IN_ZONE, "start", problem.start, 0.0),
-        (Status.GOAL_IN_ZONE, "goal", problem.goal, problem.duration),
+        (Status.START_IN_ZONE, "start", problem.start, setup.start, 0.0),
+        (Status.GOAL_IN_ZONE, "goal", problem.goal, setup.goal, 1.0),
     )
-    for status, key, state, time in ends:
-        for name, margin in problem.margins(state.orientation, time).items():
+    for status, key, state, end, time in ends:
+        if np.all(row_margins(setup.table, time, end) > 0.0):
+            continue
+        for name, margin in problem.margins(state.orientation, time * problem.duration).items():
             if margin <= 0.0:
                 return Solution(
                     status,
@@ -176,13 +188,14 @@ def _best(
     refused = None
     for extremal in extremals:
         trajectory = published(problem, setup, extremal)
-        certificate = certify(trajectory, problem)
+        certificate = certify(trajectory, problem, table=problem.table)
         if certificate.certified:
             certified.append((extremal, trajectory, certificate))
-        elif refused is None:
+        elif refused is None or certificate.breaks_only_limits > refused.breaks_only_limits:
             refused = certificate
     if not certified:
-        status = Status.NO_CERTIFIED_TRAJECTORY
+        only_limits = refused is not None and refused.breaks_only_limits
+        status = Status.LIMITS_EXCEEDED if only_limits else Status.NO_CERTIFIED_TRAJECTORY
         why = "; ".join(refused.reasons) if refused else "no path was found through the zones"
         return Solution(
             status,
@@ -241,14 +254,17 @@ def _stated_cost(
     problem: Problem, setup: Setup, extremal: Extremal, trajectory: Trajectory
 ) -> float:
     """Normalised cost with the potentials as stated, kinks at the cut locus included."""
-    cost = extremal.cost
-    for k in np.flatnonzero(crosses_cut(setup.table, extremal.times, extremal.states)):
-        times = np.linspace(extremal.times[k], extremal.times[k + 1], _CUT_SAMPLES + 1)
-        physical = np.clip(times * problem.duration, 0.0, trajectory.duration)
-        q = so3.quaternion_multiply(trajectory.evaluate_quaternion(physical)[0], setup.body)
-        hidden = rounding(setup.table, times, q)
-        cost += 0.5 * float(np.sum(0.5 * (hidden[1:] + hidden[:-1]) * np.diff(times)))
-    return cost
+    near = np.flatnonzero(crosses_cut(setup.table, extremal.times, extremal.states))
+    if near.size == 0:
+        return extremal.cost
+    share = np.linspace(0.0, 1.0, _CUT_SAMPLES + 1)
+    begin, end = extremal.times[near], extremal.times[near + 1]
+    times = (begin[:, None] + (end - begin)[:, None] * share).ravel()
+    physical = np.minimum(times * problem.duration, trajectory.duration)
+    q = so3.quaternion_multiply(trajectory.evaluate_quaternion(physical)[0], setup.body)
+    hidden = rounding(setup.table, times, q).reshape(near.size, -1)
+    trapezoids = 0.5 * (hidden[:, 1:] + hidden[:, :-1]).sum(axis=1) * (end - begin) / _CUT_SAMPLES
+    return extremal.cost + 0.5 * float(trapezoids.sum())
 
 
 def published(problem: Problem, setup: Setup, extremal: Extremal) -> Trajectory:
