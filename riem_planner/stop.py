@@ -19,6 +19,7 @@ from riem_planner.geometry import so3
 from riem_planner.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+Turns = tuple[Array, Array, Array]
 
 SAMPLES = 25
 SHORTEST = 0.2
@@ -29,7 +30,7 @@ STOPS = 8
 """Decelerations that are tried."""
 
 
-def trajectory_of_turns(start: ArrayLike, times: Array, turns: tuple[Array, Array, Array]) -> Trajectory:
+def trajectory_of_turns(start: ArrayLike, times: Array, turns: Turns) -> Trajectory:
     """Trajectory `R_0 exp(hat(xi))` of rotation vectors.
 
     Parameters
@@ -83,7 +84,7 @@ def _drift(xi: Array, xi_1: Array) -> Array:
     )
 
 
-def deceleration(u: Array, duration: float, rate: Array, acceleration: Array) -> tuple[Array, Array, Array]:
+def deceleration(u: Array, duration: float, rate: Array, acceleration: Array) -> Turns:
     """Rotation vectors (n, 3) of a stop and their two time derivatives, at u = t / D (n,)."""
     u = u[:, None]
     v, a = rate * duration, acceleration * duration**2

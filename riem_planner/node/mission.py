@@ -522,13 +522,11 @@ class Mission:
         if not self.timeline or self.world.missing:
             return
         judge = Judge(self.world, self.settings, now_ns)
+        if self.leaving and self._still_leaving(judge, now_ns):
+            return
         self.verdict = judge.timeline(self.timeline)
         if self.verdict.certified:
-            self.leaving = False
             self._look_for_gain(now_ns)
-            return
-        segment = self.timeline.last
-        if segment.purpose is Purpose.WAY_OUT and judge.leaves(segment):
             return
         why = "; ".join(self.verdict.reasons)
         if self.timeline.at(now_ns + recovery.lead_ns(self.settings)) is None:
@@ -543,6 +541,22 @@ class Mission:
         self._tell(level, found.purpose.name, f"{found.message} ({why})")
         if self.goal is not None:
             self._request(now_ns, Reason.OBSTACLE)
+
+    def _still_leaving(self, judge: Judge, now_ns: int) -> bool:
+        """Whether the way out is still one, and what follows it is certified."""
+        segment = self.timeline.segment_at(now_ns)
+        way = next((s for s in self.timeline.segments if s.purpose is Purpose.WAY_OUT), None)
+        if way is None or (segment is way and now_ns >= way.end_ns):
+            self.leaving = False
+            return False
+        after = Timeline(tuple(s for s in self.timeline.segments if s.start_ns > way.start_ns))
+        until = after.segments[0].start_ns if after else way.end_ns
+        if not judge.leaves(way, until):
+            return False
+        if not after:
+            return True
+        self.verdict = judge.timeline(after)
+        return self.verdict.certified
 
     def _take(self, found: recovery.Rescue, judge: Judge) -> None:
         self.timeline, self.shown, self._bound_for = found.timeline, None, None

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riem_planner.certificate import certify_clearance
-from riem_planner.errors import InvalidProblemError
 from riem_planner.escape import FINE, fall_before_exit, least_margin, margins_along
 from riem_planner.geometry import so3
 from riem_planner.node.settings import Settings
-from riem_planner.node.timeline import Purpose, Segment, Setpoint, Timeline
+from riem_planner.node.timeline import Segment, Setpoint, Timeline
 from riem_planner.node.world import World
 from riem_planner.problem import S2, Problem, State
 from riem_planner.trajectory import Trajectory
@@ -21,6 +20,7 @@ Array = NDArray[np.float64]
 
 CUT_TOLERANCE = 1e-7
 """Clearance asked of a part of a trajectory, which is fitted anew where it is cut [rad]."""
+_STILL_FALLING = 0.05  # rad
 _ANYWHERE = State(np.eye(3))
 
 
@@ -143,15 +143,16 @@ class Judge:
                         worst[name] = since
         return Verdict(tuple(dict.fromkeys(reasons)), clearance, worst)
 
-    def leaves(self, segment: Segment) -> bool:
+    def leaves(self, segment: Segment, until_ns: int) -> bool:
         """Whether a way out still does what it is for: the margin never falls, then is positive."""
-        begin = segment.elapsed(self.now_ns)
-        rest = np.linspace(begin, segment.trajectory.duration, 100)
+        begin = segment.elapsed(max(self.now_ns, segment.start_ns))
+        rest = np.linspace(begin, max(segment.elapsed(until_ns), begin), 100)
         attitudes = segment.trajectory.evaluate(rest)[0]
         problem = self.problem(max(self.now_ns, segment.start_ns))
         margins = least_margin(problem, attitudes, rest - begin)
-        # The fall while the rate it began with was taken out is not held against it twice.
-        return bool(fall_before_exit(margins) <= 1e-3 + FINE and margins[-1] > 0.0)
+        # While the rate it began with is taken out the margin may have to fall.
+        allowed = _STILL_FALLING if begin < 0.3 * segment.trajectory.duration else FINE
+        return bool(fall_before_exit(margins) <= allowed and margins[-1] > 0.0)
 
 
 def _pieces(

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from riem_planner.geometry import so3, sphere
 from riem_planner.node.settings import Settings, ZoneSettings
 from riem_planner.obstacles import Obstacle, OrientationObstacle, Zone
+from riem_planner.problem import S2
 
 Array = NDArray[np.float64]
 
 _SHORTEST = 0.2  # s; over less, the noise of a direction outweighs its motion
 _WINDOW = 10.0  # s; over more, the rate itself may have changed
+_LEAP = 0.1  # rad/s; a direction that seems to move faster has leapt, if no max_speed is known
 _SLOWEST = 1e-9  # rad/s; slower is not motion, for any body that is seen from a spacecraft
 _LOOK_AHEAD = 0.25  # s of growth beyond now, so that it holds until the next check
 _LEAST, _MOST = 1e-6, math.pi - 1e-3  # half-angles that shrinking and growing stop at [rad]
@@ -37,7 +39,7 @@ class _Track:
         if self.history:
             last_ns, last = self.history[-1]
             angle, elapsed = float(sphere.angle(last, direction)), (stamp_ns - last_ns) * 1e-9
-            if elapsed <= 0.0 or (fastest > 0.0 and angle > 2.0 * fastest * elapsed + 1e-3):
+            if elapsed <= 0.0 or angle > 2.0 * (fastest or _LEAP) * elapsed + 1e-3:
                 self.history.clear()  # a leap, or time ran backward: no motion to learn from
                 self.rate = np.zeros(3)
             elif elapsed < 0.1 * _SHORTEST and len(self.history) > 1:
@@ -176,13 +178,24 @@ class World:
     def obstacles(self, now_ns: int) -> tuple[Obstacle, ...]:
         """Everything to keep away from or inside of, with its place at a time [ns]."""
         zones = [self.zone_at(zone, now_ns) for zone in self._settings.zones]
-        orientations = [
-            OrientationObstacle(
-                matrix,
-                normalized_strength=self._settings.normalized_strength,
-                radius=self._settings.obstacle_radius,
-                name=f"obstacle_{index}",
+        matrices = so3.quaternion_to_matrix(self._orientations)
+        return (*zones, *(self._obstacle(i, matrix) for i, matrix in enumerate(matrices)))
+
+    def _obstacle(self, index: int, matrix: Array) -> Obstacle:
+        """One of ~/obstacles: an attitude, or on s2 the direction of its boresight."""
+        settings = self._settings
+        name = f"obstacle_{index}"
+        if settings.space == S2:
+            return Zone(
+                matrix @ settings.boresight,
+                settings.obstacle_radius,
+                boresight=settings.boresight,
+                normalized_strength=settings.normalized_strength,
+                name=name,
             )
-            for index, matrix in enumerate(so3.quaternion_to_matrix(self._orientations))
-        ]
-        return (*zones, *orientations)
+        return OrientationObstacle(
+            matrix,
+            normalized_strength=settings.normalized_strength,
+            radius=settings.obstacle_radius,
+            name=name,
+        )

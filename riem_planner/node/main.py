@@ -1,0 +1,81 @@
+"""The command `planner_node`: runs the node until SIGINT or SIGTERM, then ends with code 0."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from types import FrameType
+
+STOP_WITHIN = 0.5
+"""Time given to the executor to end [s]."""
+SWITCH_INTERVAL = 5e-4
+"""How long a thread may keep the interpreter from the stream [s]."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the node; returns the exit code.
+
+    The main thread only waits for a signal: no exception is ever thrown into the middle of a
+    callback, and a signal is answered whatever the other threads are doing.
+    """
+    stop = threading.Event()
+
+    def on_signal(_: int, __: FrameType | None) -> None:
+        stop.set()
+
+    signal.signal(signal.SIGINT, on_signal)
+    signal.signal(signal.SIGTERM, on_signal)
+    sys.setswitchinterval(SWITCH_INTERVAL)
+
+    # Here, so that a signal during the second that these imports take is answered as well.
+    import rclpy
+    from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
+    from rclpy.logging import get_logger
+    from rclpy.signals import SignalHandlerOptions
+
+    from riem_planner.errors import InvalidProblemError
+    from riem_planner.node.planner_node import PlannerNode
+
+    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = PlannerNode()
+    except InvalidProblemError as error:
+        get_logger("riem_planner").fatal(f"parameter {error}")
+        rclpy.try_shutdown()
+        return 2
+    executor = MultiThreadedExecutor(num_threads=3)
+    executor.add_node(node)
+
+    def spin() -> None:
+        try:
+            executor.spin()
+        except ExternalShutdownException:
+            pass
+        except BaseException as error:
+            get_logger("riem_planner").fatal(f"{type(error).__name__}: {error}")
+            raise
+        finally:
+            stop.set()
+
+    spinning = threading.Thread(target=spin, name="executor", daemon=True)
+    spinning.start()
+    while not stop.wait(0.5):
+        pass
+    failed = not spinning.is_alive() and rclpy.ok()
+    executor.shutdown(timeout_sec=STOP_WITHIN)
+    spinning.join(STOP_WITHIN)
+    ended = node.close()
+    rclpy.try_shutdown()
+    code = 1 if failed else 0
+    if not ended or spinning.is_alive():
+        # A compilation can't be interrupted, and tearing down beneath it would crash.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,488 @@
+"""The planner as a managed ROS node: messages to calls, results to messages, timers."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseArray, QuaternionStamped
+from lifecycle_msgs.srv import ChangeState
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.exceptions import InvalidHandle
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.qos import (
+    DurabilityPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_policy_name_from_kind,
+)
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import MultiDOFJointTrajectory
+from visualization_msgs.msg import MarkerArray
+
+from msg_adapters import status as status_messages
+from msg_adapters.geometry import quaternion_stamped
+from msg_adapters.markers import Key, markers_from_scene
+from msg_adapters.pose_array import cdr_from_orientations
+from msg_adapters.trajectory import SetpointMessage, reference_from_samples
+from riem_planner.node import health, outputs
+from riem_planner.node.inputs import Inputs, overriding
+from riem_planner.node.mission import BACKWARD_NS, FORWARD_NS, Event, Level, Mission, Proposal
+from riem_planner.node.parameters import Parameters
+from riem_planner.node.planning import Goal, Result
+from riem_planner.node.settings import Settings
+from riem_planner.node.worker import Worker
+from riem_planner.plan import warm_up
+
+SUCCESS = TransitionCallbackReturn.SUCCESS
+FAILURE = TransitionCallbackReturn.FAILURE
+
+TICK = 0.05
+"""Time between two looks at what changes with time [s]."""
+REDRAW = 0.5
+"""Time between two drawings of the zones while they move [s]."""
+STANDSTILL = 5.0
+"""How long the clock may stand still while a stop is waited for [s]."""
+
+
+def _latched() -> QoSProfile:
+    return QoSProfile(
+        depth=1,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    )
+
+
+def _streamed() -> QoSProfile:
+    return QoSProfile(
+        depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.VOLATILE
+    )
+
+
+class PlannerNode(LifecycleNode):
+    """The node `/riem_planner`.
+
+    Decisions are the mission's; they are made under one lock. The stream of setpoints reads the
+    mission's timeline, which is replaced as a whole, and never waits for that lock.
+
+    Raises
+    ------
+    InvalidProblemError
+        A parameter's override is wrong.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__("riem_planner", **options)
+        self._lock = threading.RLock()
+        self._results: deque[Result] = deque()
+        self._rejections = health.Rejections()
+        self._watch = health.StreamWatch()
+        self._marker_keys: set[Key] = set()
+        self._shown: Proposal | None = None
+        self._drawn = (-1, 0.0)
+        self._last_stamp = 0
+        self._status: tuple[Level, str, dict[str, object]] = (Level.OK, "no request yet", {})
+        self._configured = False
+        self._closing = False
+        self._declared = Parameters(self, lambda: not self._configured, self._changed)
+        self.mission = Mission(self.settings)
+        self._create_outputs()
+        self._inputs = Inputs(self)
+        self._create_services()
+        self._guard_transitions()
+        self._delivered = self.create_guard_condition(self._take_results)
+        self._worker = Worker(self._deliver, self._fault)
+        self._create_timers()
+        self._report_unknown()
+
+    @property
+    def settings(self) -> Settings:
+        """The parameters, validated."""
+        return self._declared.settings
+
+    # Set-up -------------------------------------------------------------------------------------
+
+    def _create_outputs(self) -> None:
+        settings = self.settings
+        latched, streamed = _latched, _streamed
+        managed = self.create_lifecycle_publisher
+        self._trajectory = self._publisher(managed, PoseArray, "~/trajectory", latched())
+        self._reference = self._publisher(
+            managed, MultiDOFJointTrajectory, "~/reference", latched()
+        )
+        self._markers = self._publisher(managed, MarkerArray, "~/markers", latched())
+        self._setpoint = self._publisher(
+            managed, MultiDOFJointTrajectory, "~/setpoint", streamed()
+        )
+        self._attitude = self._publisher(
+            managed, QuaternionStamped, "~/attitude_setpoint", streamed()
+        )
+        plain = self.create_publisher
+        self._status_publisher = self._publisher(plain, DiagnosticStatus, "~/status", latched())
+        self._diagnostics = self._publisher(plain, DiagnosticArray, "/diagnostics", streamed())
+        self._setpoint_message = SetpointMessage(settings.reference_frame, settings.body_frame)
+
+    def _publisher(
+        self, create: Callable[..., Any], kind: type, topic: str, qos: QoSProfile
+    ) -> Any:
+        def incompatible(event: Any) -> None:
+            policy = qos_policy_name_from_kind(event.last_policy_kind)
+            self.get_logger().warning(
+                f"{topic}: a subscriber asks for an incompatible {policy}; nothing goes to it."
+                f" Subscribe with another {policy}, or set qos_overrides of this topic"
+            )
+
+        return create(
+            kind,
+            topic,
+            qos,
+            event_callbacks=PublisherEventCallbacks(incompatible_qos=incompatible),
+            qos_overriding_options=overriding(),
+        )
+
+    def _create_services(self) -> None:
+        def trigger(call: Callable[[int], tuple[bool, str]]) -> Callable[[Any, Any], Any]:
+            def answer(_: Any, response: Trigger.Response) -> Trigger.Response:
+                with self.calls() as now_ns:
+                    response.success, response.message = call(now_ns)
+                return response
+
+            return answer
+
+        self.create_service(Trigger, "~/replan", trigger(lambda now: self.mission.replan(now)))
+        self.create_service(Trigger, "~/cancel", trigger(lambda now: self.mission.cancel(now)))
+        self.create_service(Trigger, "~/execute", trigger(lambda now: self.mission.execute(now)))
+
+    def _create_timers(self) -> None:
+        self._stream_group = MutuallyExclusiveCallbackGroup()
+        self._stream_timer = self.create_timer(
+            1.0 / self.settings.setpoint_rate, self._stream, callback_group=self._stream_group
+        )
+        self._tick_timer = self.create_timer(TICK, self._tick)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._health_timer = self.create_timer(1.0, self._report_health, clock=steady)
+        self._stream_timer.cancel()
+        self._tick_timer.cancel()
+        if self.get_parameter("autostart").value:
+            self._start_timer = self.create_timer(
+                0.0, self._autostart, callback_group=self._transitions, clock=steady
+            )
+
+    def _guard_transitions(self) -> None:
+        """Answer an invalid transition request with a refusal.
+
+        Left to itself the service lets the error escape from `spin`, which ends the node.
+        """
+        service = self._service_change_state
+        # A transition may wait for a stop, and everything else goes on meanwhile.
+        self._transitions = MutuallyExclusiveCallbackGroup()
+        self._transitions.add_entity(service)
+        service.callback_group = self._transitions
+        change = service.callback
+
+        def guarded(
+            request: ChangeState.Request, response: ChangeState.Response
+        ) -> ChangeState.Response:
+            wanted = request.transition
+            for available in self._state_machine.available_transitions:
+                if wanted.label == available[1] or (
+                    not wanted.label and wanted.id == available[0]
+                ):
+                    return change(request, response)
+            name = wanted.label or str(wanted.id)
+            state = self._state_machine.current_state[1]
+            self.get_logger().warning(f"transition {name} refused: not possible from {state}")
+            response.success = False
+            return response
+
+        service.callback = guarded
+
+    def _report_unknown(self) -> None:
+        names = self.list_parameters([], 0).names
+        for sentence in self._declared.unknown(names):
+            self.get_logger().warning(sentence)
+
+    # Lifecycle ----------------------------------------------------------------------------------
+
+    def _autostart(self) -> None:
+        self._start_timer.cancel()
+        if self._state_machine.current_state[1] != "unconfigured":
+            return
+        if self.trigger_configure() == SUCCESS:
+            self.trigger_activate()
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Validate the parameters and warm the kernels."""
+        if not self._warm():
+            return FAILURE
+        with self._lock:
+            self.mission = Mission(self.settings)
+            self._configured = True
+        return super().on_configure(state)
+
+    def _warm(self) -> bool:
+        """Load or compile the kernels beside everything else; False if the node is closing."""
+        done = threading.Event()
+        failures: list[str] = []
+
+        def warm() -> None:
+            try:
+                warm_up(notify=lambda sentence: self.get_logger().info(sentence))
+            except Exception as error:
+                failures.append(f"{type(error).__name__}: {error}")
+            done.set()
+
+        self._worker.chore("warm up", warm)
+        while not done.wait(0.05):
+            if self._closing or not self.context.ok():
+                return False
+        if failures:
+            self.get_logger().error(f"the solver can't be loaded: {failures[0]}")
+        return not failures
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Begin to plan and to stream."""
+        result = super().on_activate(state)
+        self._stream_timer.reset()
+        self._tick_timer.reset()
+        with self.calls() as now_ns:
+            self.mission.activate(now_ns)
+            if self.settings.goal_orientation is not None:
+                goal = Goal(np.array(self.settings.goal_orientation), np.zeros(3))
+                self.mission.set_goal(goal, now_ns)
+        self.get_logger().info("ready")
+        self._draw()
+        return result
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Come to rest along a certified stop, then end the stream."""
+        self._come_to_rest()
+        self._stop_timers()
+        with self._lock:
+            self.mission.deactivate()
+            self._shown = None
+        self._worker.withdraw()
+        return super().on_deactivate(state)
+
+    def _come_to_rest(self) -> None:
+        with self.calls() as now_ns:
+            self.mission.cancel(now_ns)
+        last_ns, since = 0, time.monotonic()
+        while self.context.ok() and not self._closing:
+            with self._lock:
+                now_ns = self.now_ns()
+                timeline = self.mission.timeline
+            if not timeline or timeline.resting(now_ns):
+                return
+            if now_ns != last_ns:
+                last_ns, since = now_ns, time.monotonic()
+            elif time.monotonic() - since > STANDSTILL:
+                self.get_logger().warning("the clock stands still: the stream ends without a stop")
+                return
+            time.sleep(0.02)
+
+    def _stop_timers(self) -> None:
+        self._stream_timer.cancel()
+        self._tick_timer.cancel()
+        self._watch.pause()
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget everything that came."""
+        self._forget()
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Come to rest, if it is active, and end."""
+        if self.mission.active:
+            self._come_to_rest()
+        self._stop_timers()
+        self._forget()
+        return super().on_shutdown(state)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """After a fault in a transition: back to unconfigured."""
+        self.get_logger().error("a transition failed; the node is unconfigured")
+        self._stop_timers()
+        self._forget()
+        return SUCCESS
+
+    def _forget(self) -> None:
+        with self._lock:
+            self._worker.withdraw()
+            self.mission = Mission(self.settings)
+            self._configured = False
+
+    def close(self) -> bool:
+        """End the worker and the node; whether nothing is left that can't be interrupted."""
+        self._closing = True
+        ended = self._worker.close(0.3)
+        try:
+            self.destroy_node()
+        except InvalidHandle:
+            pass  # another thread was in the middle of a call
+        return ended
+
+    # Calls --------------------------------------------------------------------------------------
+
+    def now_ns(self) -> int:
+        """The node's clock [ns]."""
+        return int(self.get_clock().now().nanoseconds)
+
+    @contextmanager
+    def calls(self) -> Iterator[int]:
+        """Call the mission at the time given, then publish what came of it."""
+        with self._lock:
+            yield self.now_ns()
+            self._follow_up()
+
+    def _follow_up(self) -> None:
+        mission = self.mission
+        request = mission.take_wanted()
+        if request is not None:
+            self._worker.submit(request)
+        elif mission.pending is None:
+            self._worker.withdraw()
+        for event in mission.take_events():
+            self._tell(event)
+
+    def _changed(self, settings: Settings) -> None:
+        self._stream_timer.timer_period_ns = settings.period_ns
+        with self.calls() as now_ns:
+            self.mission.configure(settings, now_ns)
+
+    def _deliver(self, result: Result) -> None:
+        self._results.append(result)
+        if not self._closing:
+            self._delivered.trigger()
+
+    def _fault(self, sentence: str) -> None:
+        if not self._closing:
+            self.get_logger().error(f"fault beside the stream: {sentence}")
+
+    def _take_results(self) -> None:
+        with self.calls() as now_ns:
+            while self._results:
+                self.mission.accept(self._results.popleft(), now_ns)
+
+    def _tick(self) -> None:
+        with self.calls() as now_ns:
+            self.mission.tick(now_ns)
+        version, drawn = self._drawn
+        if self.mission.world.version != version and time.monotonic() - drawn > REDRAW:
+            self._draw()
+
+    # The stream ---------------------------------------------------------------------------------
+
+    def _stream(self) -> None:
+        now_ns = self.now_ns()
+        step = now_ns - self._last_stamp
+        if not -BACKWARD_NS <= step <= FORWARD_NS:
+            with self.calls() as now_ns:
+                self.mission.advance(now_ns)
+        elif step <= 0:
+            return
+        setpoint = self.mission.timeline.at(now_ns)
+        if setpoint is None:
+            return
+        self._last_stamp = now_ns
+        _, quaternion, rate, acceleration = setpoint
+        self._setpoint.publish(
+            self._setpoint_message.filled(now_ns, quaternion, rate, acceleration)
+        )
+        frame = self._setpoint_message.message.header.frame_id
+        self._attitude.publish(quaternion_stamped(quaternion, now_ns, frame))
+        self._watch.note(time.monotonic())
+
+    # Telling ------------------------------------------------------------------------------------
+
+    def reject(self, topic: str, problem: str) -> None:
+        """Note a bad message; warn now and then."""
+        warning = self._rejections.note(topic, problem)
+        if warning is None:
+            return
+        self.get_logger().warning(warning)
+        level, message, values = self._status
+        self._publish_status(
+            Level.WARN if level is Level.OK else level,
+            f"{warning}; before: {message}",
+            {**values, "rejected": warning},
+        )
+
+    def _tell(self, event: Event) -> None:
+        log = self.get_logger()
+        if event.level is Level.OK:
+            log.info(f"{event.code}: {event.message}")
+        elif event.level is Level.WARN:
+            log.warning(f"{event.code}: {event.message}")
+        else:
+            log.error(f"{event.code}: {event.message}")
+        self._status = (event.level, event.message, outputs.status_values(event))
+        self._publish_status(*self._status)
+        if event.proposal is not None:
+            self._show(event.proposal)
+
+    def _publish_status(self, level: Level, message: str, values: dict[str, object]) -> None:
+        name = f"{self.get_name()}: plan"
+        report = status_messages.status_from_report(
+            outputs.LEVELS[level], name, message, values, self.settings.body_frame
+        )
+        self._status_publisher.publish(report)
+
+    def _show(self, proposal: Proposal) -> None:
+        """Publish a plan: at once what is cheap, the rest beside the stream."""
+        settings = self.settings
+        self._shown = proposal
+        samples = outputs.samples_of(proposal, settings.trajectory_poses)
+        start_ns = proposal.segments[0].start_ns
+        self._trajectory.publish(
+            cdr_from_orientations(samples.quaternions, start_ns, settings.reference_frame)
+        )
+
+        def reference() -> None:
+            frames = (settings.reference_frame, settings.body_frame)
+            self._reference.publish(reference_from_samples(samples, start_ns, frames))
+
+        self._worker.chore("reference", reference)
+        self._draw()
+
+    def _draw(self) -> None:
+        now_ns, settings, proposal = self.now_ns(), self.settings, self._shown
+        world = self.mission.world
+        self._drawn = (world.version, time.monotonic())
+
+        def draw() -> None:
+            samples = None
+            if proposal is not None:
+                samples = outputs.samples_of(proposal, settings.trajectory_poses)
+            with self._lock:
+                scene = outputs.scene_of(samples, proposal, world, settings, now_ns)
+            markers, self._marker_keys = markers_from_scene(
+                scene, now_ns, settings.reference_frame, self._marker_keys
+            )
+            self._markers.publish(markers)
+
+        self._worker.chore("markers", draw)
+
+    def _report_health(self) -> None:
+        with self._lock:
+            now_ns = self.now_ns()
+            period = 1e-9 * self.settings.period_ns
+            entries = [
+                health.planner_health(self.mission, now_ns),
+                self._watch.report(period),
+                health.inputs_health(self.mission, self._rejections, now_ns),
+                health.tracking_health(self.mission, now_ns),
+            ]
+        name, hardware = self.get_name(), self.settings.body_frame
+        statuses = [outputs.health_message(entry, name, hardware) for entry in entries]
+        self._diagnostics.publish(status_messages.diagnostics(statuses, now_ns))
+
+
