@@ -26,14 +26,14 @@ from scipy.optimize import brentq
 
 from riem_planner.errors import InvalidProblemError, RiemPlannerError
 from riem_planner.geometry import so3
-from riem_planner.obstacles.force import potential_and_force
+from riem_planner.obstacles.force import cross, potential_and_force
 from riem_planner.problem import S2, SO3, Problem, Space, State
 from riem_planner.validation import finite_array, non_negative_number, positive_number
 
 Array = NDArray[np.float64]
 
 _TOLERANCE = 1e-13
-_MOST_EVALUATIONS = 30_000  # of the field; towards a singularity the steps shrink without end
+_MOST_EVALUATIONS = 20_000  # of the field; towards a singularity the steps shrink without end
 
 
 class ExtremalEndsError(RiemPlannerError):
@@ -118,7 +118,7 @@ def snap(space: Space, v: Array, a: Array, j: Array, sigma: float, force: Array)
     force : (..., 3)
         `F`, half the gradient of the potential in body components.
     """
-    curvature = np.cross(j, v) if space == SO3 else np.cross(np.cross(a, v), v)
+    curvature = cross(j, v) if space == SO3 else cross(cross(a, v), v)
     return np.asarray(curvature + sigma * a - force)
 
 
@@ -217,7 +217,7 @@ def _field(problem: Problem) -> Callable[[float, Array], Array]:
         if problem.obstacles:
             attitude = so3.quaternion_to_matrix(q / np.linalg.norm(q))
             force = potential_and_force(problem, attitude, t)[1]
-        q_rate = 0.5 * so3.quaternion_multiply(q, np.append(v, 0.0))
+        q_rate = 0.5 * np.append(q[3] * v + cross(q[:3], v), -(q[:3] @ v))
         return np.concatenate([q_rate, a, j, snap(space, v, a, j, sigma, force)])
 
     return field

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from riem_planner.geometry import so3, sphere
+from riem_planner.geometry import so3
 from riem_planner.obstacles.kinds import Obstacle, OrientationObstacle, Zone
 
 if TYPE_CHECKING:
@@ -30,16 +30,30 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
+_FIRST_AXIS = np.array([1.0, 0.0, 0.0])
+
+
+def cross(x: Array, y: Array) -> Array:
+    """Cross product of vectors (..., 3); several times faster than NumPy's for a single one."""
+    result = np.empty(np.broadcast_shapes(x.shape, y.shape))
+    result[..., 0] = x[..., 1] * y[..., 2] - x[..., 2] * y[..., 1]
+    result[..., 1] = x[..., 2] * y[..., 0] - x[..., 0] * y[..., 2]
+    result[..., 2] = x[..., 0] * y[..., 1] - x[..., 1] * y[..., 0]
+    return result
+
+
 def distance_and_gradient(obstacle: Obstacle, attitude: Array, time: float) -> tuple[float, Array]:
     """Distance d [rad] to an obstacle's place, and `d grad d` (3,) in body components [rad]."""
+    moves = bool(np.any(obstacle.rate))
     if isinstance(obstacle, OrientationObstacle):
-        towards = so3.log(attitude.T @ obstacle.orientation_at(time))
-        return float(np.linalg.norm(towards)), -towards
-    boresight = np.array([1.0, 0.0, 0.0]) if obstacle.boresight is None else obstacle.boresight
-    direction = attitude.T @ obstacle.direction_at(time)
-    gradient = np.cross(direction, boresight)
-    sine = float(np.linalg.norm(gradient))
-    theta = float(sphere.angle(direction, boresight))
+        place = obstacle.orientation_at(time) if moves else obstacle.orientation
+        towards = so3.log(attitude.T @ place)
+        return math.sqrt(float(towards @ towards)), -towards
+    boresight = _FIRST_AXIS if obstacle.boresight is None else obstacle.boresight
+    direction = attitude.T @ (obstacle.direction_at(time) if moves else obstacle.direction)
+    gradient = cross(direction, boresight)
+    sine = math.sqrt(float(gradient @ gradient))
+    theta = math.atan2(sine, float(direction @ boresight))
     return theta, gradient * (theta / sine if sine > 0.0 else 1.0)
 
 
