@@ -21,8 +21,8 @@ from typing import NamedTuple
 from riem_planner.errors import InvalidProblemError
 from riem_planner.offline.documents import decoded, parse_json
 from riem_planner.offline.plan_files import encoded, plan_document, refused_document
-from riem_planner.offline.planning import plan_stated
-from riem_planner.offline.problem_files import StateInZoneError, stated_problem
+from riem_planner.offline.planning import plan_problem
+from riem_planner.offline.problem_files import StateInZoneError, parse_problem
 from riem_planner.plan import warm_up
 from riem_planner.solution import Status
 
@@ -57,7 +57,7 @@ def plan_line(number: int, line: bytes, samples: int) -> PlannedLine:
         document = parse_json(decoded(line))
         found = document.get("name") if isinstance(document, dict) else None
         name = found if isinstance(found, str) else None
-        plan = plan_stated(stated_problem(document), samples)
+        plan = plan_problem(parse_problem(document), samples)
         return PlannedLine(encoded(plan_document(plan)), plan.solution.status.name)
     except StateInZoneError as error:
         start = error.key.startswith("start")

@@ -13,8 +13,9 @@ from riem_planner.errors import InvalidProblemError
 from riem_planner.offline.batch import problem_lines
 from riem_planner.offline.documents import decoded, parse_json
 from riem_planner.offline.plan_files import check_plan, parsed_plan, read_plan
-from riem_planner.offline.problem_files import StatedProblem, read_problem, stated_problem
+from riem_planner.offline.problem_files import parse_problem, read_problem
 from riem_planner.offline.section import of_file, within
+from riem_planner.problem import Problem
 
 
 def check_files(plan: Path, problem: Path | None) -> tuple[list[str], bool]:
@@ -40,7 +41,7 @@ def check_files(plan: Path, problem: Path | None) -> tuple[list[str], bool]:
         A file is wrong.
     """
     if plan.suffix.lower() != ".jsonl":
-        stated = None
+        stated: Problem | None = None
         if problem is not None:
             with of_file(problem):
                 stated = read_problem(problem)
@@ -57,7 +58,7 @@ def check_files(plan: Path, problem: Path | None) -> tuple[list[str], bool]:
     return lines, every
 
 
-def _pairs(plan: Path, problem: Path | None) -> Iterator[tuple[int, bytes, StatedProblem | None]]:
+def _pairs(plan: Path, problem: Path | None) -> Iterator[tuple[int, bytes, Problem | None]]:
     if problem is None:
         yield from ((number, line, None) for number, line in problem_lines(plan))
         return
@@ -65,12 +66,12 @@ def _pairs(plan: Path, problem: Path | None) -> Iterator[tuple[int, bytes, State
         if planned is None or line is None:
             raise InvalidProblemError(str(plan), f"expected one plan for each line of {problem}")
         with of_file(problem), within(f"line {line[0]}"):
-            stated = stated_problem(parse_json(decoded(line[1])))
+            stated = parse_problem(parse_json(decoded(line[1])))
         yield *planned, stated
 
 
 def _check_one(
-    title: str, document: dict[str, Any], stated: StatedProblem | None
+    title: str, document: dict[str, Any], stated: Problem | None
 ) -> tuple[list[str], bool]:
     if not document["times"]:
         return [f"{title}: holds no trajectory; its message: {document.get('message')}"], False
@@ -78,7 +79,7 @@ def _check_one(
         if document.get("problem") is None:
             raise InvalidProblemError("problem", "missing; name the problem file as well")
         with within("problem"):
-            stated = stated_problem(document["problem"])
+            stated = parse_problem(document["problem"])
     certificate, claims = check_plan(document, stated)
     faults = [*certificate.reasons, *claims]
     verdict = "not certified" if faults else "certified"
@@ -94,6 +95,8 @@ def _figures(certificate: Certificate) -> list[str]:
         f" {certificate.worst[name]:.6g} s"
         for name, angle in certificate.clearance.items()
     ]
+    for name, part in certificate.limit_margins.items():
+        lines.append(f"  limits.{name}: {100.0 * part:.3g} % left")
     lines.append(f"  ends met to {attitude:.2g} rad and {rate:.2g} rad/s")
     lines.append(f"  rate below {certificate.rate_bound:.6g} rad/s throughout")
     return lines

@@ -21,7 +21,7 @@ from riem_planner.offline import batch
 from riem_planner.offline.checking import check_files
 from riem_planner.offline.output import partial_path, whole_file
 from riem_planner.offline.plan_files import degrees, encoded, plan_document
-from riem_planner.offline.planning import DEFAULT_SAMPLES, Plan, plan_stated
+from riem_planner.offline.planning import DEFAULT_SAMPLES, Plan, plan_problem
 from riem_planner.offline.problem_files import read_problem
 from riem_planner.offline.section import of_file
 from riem_planner.plan import warm_up
@@ -125,7 +125,7 @@ def _plan_one(options: argparse.Namespace) -> int:
     with of_file(options.problem):
         stated = read_problem(options.problem)
     warm_up(notify=_say)
-    plan = plan_stated(stated, options.samples)
+    plan = plan_problem(stated, options.samples)
     text = encoded(plan_document(plan)) + "\n"
     if options.output is None:
         sys.stdout.write(text)
@@ -137,7 +137,7 @@ def _plan_one(options: argparse.Namespace) -> int:
         # Loading Matplotlib takes half a second, which only a figure is worth.
         from riem_planner.offline.plots import plot_plan
 
-        plot_plan(plan.stated.problem, plan.trajectory, options.plot, plan.certificate)
+        plot_plan(plan.problem, plan.trajectory, options.plot, plan.certificate)
     _say(f"{options.problem}: {_summary(plan)}")
     return SOLVED if plan.certified else NO_TRAJECTORY
 
@@ -151,7 +151,7 @@ def _summary(plan: Plan) -> str:
     )
     parts = [
         f"certified in {1e3 * solution.solve_time:.3g} ms",
-        f"duration {plan.stated.problem.duration:.6g} s",
+        f"duration {plan.problem.duration:.6g} s",
         f"cost {solution.cost:.6g}",
         f"clearance {clearance}" if clearance else "no obstacles",
         *solution.notes,

@@ -15,10 +15,10 @@ import numpy as np
 from riem_planner.certificate import Certificate, certify
 from riem_planner.errors import InvalidProblemError
 from riem_planner.offline.documents import decoded, parse_json
-from riem_planner.offline.planning import Plan
-from riem_planner.offline.problem_files import StatedProblem
+from riem_planner.offline.planning import Plan, with_duration_of
 from riem_planner.offline.problem_writing import problem_document
 from riem_planner.offline.section import shown
+from riem_planner.problem import Problem
 from riem_planner.trajectory import Trajectory
 
 _CLAIM_TOLERANCE_DEG = 1e-6  # rounding of degrees in the file
@@ -29,12 +29,12 @@ def plan_document(plan: Plan) -> dict[str, Any]:
     """Document of a plan; without a certified trajectory its samples are empty."""
     solution, certificate = plan.solution, plan.certificate
     document: dict[str, Any] = {
-        "name": plan.stated.problem.name,
+        "name": plan.problem.name,
         "status": solution.status.name,
         "message": solution.message,
         "certified": plan.certified,
         "cost": solution.cost if plan.certified else None,
-        "duration": plan.stated.problem.duration,
+        "duration": plan.problem.duration,
         "clearance_deg": {},
         "local_minimum": solution.local_minimum,
         "iterations": solution.iterations,
@@ -52,7 +52,8 @@ def plan_document(plan: Plan) -> dict[str, Any]:
         document["least_clearance_time"] = certificate.worst
         document["boundary_error"] = list(certificate.boundary_error)
         document["rate_bound"] = certificate.rate_bound
-    document["problem"] = problem_document(plan.stated)
+        document["limits_left"] = certificate.limit_margins
+    document["problem"] = problem_document(plan.problem)
     document.update(_samples(plan.trajectory))
     return document
 
@@ -142,15 +143,15 @@ def planned_trajectory(document: dict[str, Any]) -> Trajectory | None:
     return Trajectory(*arrays)
 
 
-def check_plan(document: dict[str, Any], stated: StatedProblem) -> tuple[Certificate, list[str]]:
+def check_plan(document: dict[str, Any], problem: Problem) -> tuple[Certificate, list[str]]:
     """Certificate of the trajectory in a plan's document, and what it claims beyond that.
 
     Parameters
     ----------
     document
         A plan with a trajectory.
-    stated
-        The problem it has to solve; with `duration: auto` the plan's duration is taken.
+    problem
+        What it has to solve; with `duration: auto` the plan's duration is taken.
 
     Returns
     -------
@@ -162,7 +163,7 @@ def check_plan(document: dict[str, Any], stated: StatedProblem) -> tuple[Certifi
     trajectory = planned_trajectory(document)
     if trajectory is None:
         raise InvalidProblemError("times", "the plan holds no trajectory")
-    certificate = certify(trajectory, stated.with_duration(trajectory.duration).problem)
+    certificate = certify(trajectory, with_duration_of(problem, trajectory))
     return certificate, _unproven_claims(document, certificate)
 
 

@@ -1,4 +1,4 @@
-"""From a stated problem to what is published: solve, resample evenly, certify again."""
+"""From a problem to what is published: solve, resample evenly, certify again."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 
 from riem_planner.certificate import Certificate, certify
 from riem_planner.geometry import so3
-from riem_planner.offline.problem_files import StatedProblem
 from riem_planner.plan import solve
 from riem_planner.problem import Problem
 from riem_planner.solution import Solution, Status
@@ -26,8 +25,8 @@ class Plan:
 
     Parameters
     ----------
-    stated
-        The problem as stated, with the duration that was found where it asked for the least.
+    problem
+        What was solved, with the duration that was found where it asked for the least.
     solution
         Outcome of the solve; its status is NO_CERTIFIED_TRAJECTORY if the samples are refused.
     trajectory
@@ -36,7 +35,7 @@ class Plan:
         The verdict on that trajectory itself; None where there is none to judge.
     """
 
-    stated: StatedProblem
+    problem: Problem
     solution: Solution
     trajectory: Trajectory | None = None
     certificate: Certificate | None = None
@@ -47,23 +46,29 @@ class Plan:
         return self.trajectory is not None
 
 
-def plan_stated(stated: StatedProblem, samples: int = DEFAULT_SAMPLES) -> Plan:
-    """Plan a stated problem; what can't be planned is a value, as in `solve`.
+def plan_problem(problem: Problem, samples: int = DEFAULT_SAMPLES) -> Plan:
+    """Plan a problem; what can't be planned is a value, as in `solve`.
 
     Parameters
     ----------
-    stated
-        The problem.
+    problem
+        What to solve.
     samples
         Number of evenly spaced samples, at least 2. Between them a plan means the quintic of
         `Trajectory`, so few samples are another trajectory than was solved for: if its
         certificate fails, the number is doubled, up to four times.
     """
-    problem, solution = _solve(stated)
-    stated = replace(stated, problem=problem)
+    solution = solve(problem)
     if not solution.solved or solution.trajectory is None:
-        return Plan(stated, solution)
-    return _publish(stated, solution, solution.trajectory, samples)
+        return Plan(problem, solution)
+    return _publish(with_duration_of(problem, solution.trajectory), solution, samples)
+
+
+def with_duration_of(problem: Problem, trajectory: Trajectory) -> Problem:
+    """The problem with a trajectory's duration, where it asks for the least."""
+    if not problem.has_auto_duration:
+        return problem
+    return replace(problem, duration=trajectory.duration)
 
 
 def _sampling_notes(solved: Trajectory, sampled: Trajectory, asked: int) -> list[str]:
@@ -81,20 +86,15 @@ def _sampling_notes(solved: Trajectory, sampled: Trajectory, asked: int) -> list
     return notes
 
 
-def _solve(stated: StatedProblem) -> tuple[Problem, Solution]:
-    return stated.problem, solve(stated.problem)
-
-
-def _publish(
-    stated: StatedProblem, solution: Solution, trajectory: Trajectory, samples: int
-) -> Plan:
+def _publish(problem: Problem, solution: Solution, samples: int) -> Plan:
+    assert solution.trajectory is not None
     count = samples
     for _ in range(_DOUBLINGS + 1):
-        sampled = trajectory.resampled(count)
-        certificate = certify(sampled, stated.problem)
+        sampled = solution.trajectory.resampled(count)
+        certificate = certify(sampled, problem)
         if certificate.certified:
-            notes = (*solution.notes, *_sampling_notes(trajectory, sampled, samples))
-            return Plan(stated, replace(solution, notes=notes), sampled, certificate)
+            notes = (*solution.notes, *_sampling_notes(solution.trajectory, sampled, samples))
+            return Plan(problem, replace(solution, notes=notes), sampled, certificate)
         count = 2 * count - 1
     refused = replace(
         solution,
@@ -106,4 +106,4 @@ def _publish(
         trajectory=None,
         certificate=certificate,
     )
-    return Plan(stated, refused, certificate=certificate)
+    return Plan(problem, refused, certificate=certificate)

@@ -8,22 +8,18 @@ whole path, the value, and what to do.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from riem_planner.errors import InvalidProblemError
+from riem_planner.limits import QUANTITIES, UNITS, Limits
 from riem_planner.obstacles import Obstacle, OrientationObstacle, Zone
 from riem_planner.offline.documents import decoded, parse_json, parse_yaml
-from riem_planner.offline.limits_section import StatedLimits, read_limits
-from riem_planner.offline.section import Section, joined, shown, within
-from riem_planner.problem import S2, SO3, Problem, Space, State, horizontal_rate
+from riem_planner.offline.section import Section, joined, number_at, shown, within
+from riem_planner.problem import AUTO, S2, SO3, Problem, Space, State, horizontal_rate
 from riem_planner.validation import unit_vector
-
-AUTO = "auto"
-"""The `duration` that asks for the least within the limits."""
 
 _SPACES = {space.name: space for space in (SO3, S2)}
 _TOP = (
@@ -37,39 +33,14 @@ _OBSTACLE_KEYS = {
     "keep_in": (*_COMMON, "direction", "boresight", "half_angle_deg", "group"),
 }
 _QUATERNION = "a unit quaternion [x, y, z, w]"
-_PROVISIONAL_DURATION = 60.0  # s; stands in a problem whose duration is yet to be found
-
-
-@dataclass(frozen=True, eq=False)
-class StatedProblem:
-    """What a problem file states.
-
-    Parameters
-    ----------
-    problem
-        The problem; where `least_duration` is set its duration is yet to be found.
-    limits
-        Limits of the spacecraft, as the file gives them; None if it gives none.
-    least_duration
-        Whether the file asks for the least duration within the limits (`duration: auto`).
-    """
-
-    problem: Problem
-    limits: StatedLimits | None = None
-    least_duration: bool = False
-
-    def with_duration(self, duration: float) -> StatedProblem:
-        """The same with the duration that was found, where the file asks for the least."""
-        if not self.least_duration:
-            return self
-        return replace(self, problem=replace(self.problem, duration=duration))
+_LIMIT = "a number above 0, or three of them"
 
 
 class StateInZoneError(InvalidProblemError):
     """The start or the goal of a problem is inside a zone."""
 
 
-def read_problem(path: Path) -> StatedProblem:
+def read_problem(path: Path) -> Problem:
     """Problem of a `.yaml`, `.yml` or `.json` file.
 
     Raises
@@ -85,33 +56,33 @@ def read_problem(path: Path) -> StatedProblem:
             "file name",
             f"expected one ending in .yaml, .json or .jsonl, got {path.name}; rename it",
         )
-    return stated_problem(parse(decoded(path.read_bytes())))
+    return parse_problem(parse(decoded(path.read_bytes())))
 
 
-def stated_problem(document: Any) -> StatedProblem:
+def parse_problem(document: Any) -> Problem:
     """Problem that a parsed document states; raises as `read_problem`."""
     top = Section("", document, _TOP)
     space = _SPACES[top.choice("space", tuple(_SPACES))]
     name = top.text("name", "")
     boresight = _direction(top, "boresight", [1.0, 0.0, 0.0])
-    limits = read_limits(top)
-    duration, automatic = _duration(top, limits)
+    limits = _limits(top)
     problem = Problem(
         start=_state(top, "start", space, boresight),
         goal=_state(top, "goal", space, boresight),
-        duration=duration,
+        duration=_duration(top, limits),
         space=space,
         tension=top.number("tension", None),
         normalized_tension=top.number("normalized_tension", None),
         obstacles=tuple(_obstacles(top)),
         boresight=boresight,
         name=name,
+        limits=limits,
     )
-    _check_end_states(problem, top, automatic)
-    return StatedProblem(problem, limits, automatic)
+    _check_end_states(problem, top)
+    return problem
 
 
-def _duration(top: Section, limits: StatedLimits | None) -> tuple[float, bool]:
+def _duration(top: Section, limits: Limits | None) -> float:
     expected = f"a number of seconds above 0, or {AUTO} with limits"
     value = top.value("duration", expected=expected)
     if value == AUTO:
@@ -119,11 +90,46 @@ def _duration(top: Section, limits: StatedLimits | None) -> tuple[float, bool]:
             raise InvalidProblemError(
                 "limits", f"missing; duration: {AUTO} is the least within limits, so give them"
             )
-        return _PROVISIONAL_DURATION, True
+        return math.inf
     number: float = top.number("duration", expected=expected)
     if number <= 0.0:
         raise InvalidProblemError("duration", f"expected {expected}, got {shown(value)}")
-    return number, False
+    return number
+
+
+def _limits(top: Section) -> Limits | None:
+    inertia = _inertia(top) if "inertia" in top else None
+    if "limits" not in top:
+        return None
+    section = Section("limits", top.value("limits"), QUANTITIES)
+    bounds = {
+        name: _bound(section, name, unit)
+        for name, unit in zip(QUANTITIES, UNITS, strict=True)
+        if name in section
+    }
+    return Limits(**bounds, inertia=inertia)
+
+
+def _bound(section: Section, name: str, unit: str) -> float | list[float]:
+    key, value = section.key(name), section.value(name)
+    expected = f"{_LIMIT} [{unit}]"
+    entries = value if isinstance(value, list) else [value]
+    numbers = [number_at(key, entry, expected) for entry in entries]
+    if len(numbers) not in (1, 3) or min(numbers) <= 0.0:
+        raise InvalidProblemError(key, f"expected {expected}, got {shown(value)}")
+    return numbers if len(numbers) == 3 else numbers[0]
+
+
+def _inertia(top: Section) -> list[list[float]]:
+    value = top.value("inertia")
+    rows = value if isinstance(value, list) else []
+    flat = [entry for row in rows for entry in (row if isinstance(row, list) else [row])]
+    if len(flat) != 9:
+        raise InvalidProblemError(
+            "inertia", f"expected nine numbers in kg m^2, row by row, got {shown(value)}"
+        )
+    numbers = [number_at("inertia", entry, "nine numbers") for entry in flat]
+    return [numbers[:3], numbers[3:6], numbers[6:]]
 
 
 def _direction(section: Section, name: str, default: Any = None) -> Any:
@@ -251,11 +257,12 @@ def _range(section: Section, radius_deg: float, size: str) -> tuple[float, float
     return math.radians(on), math.radians(off)
 
 
-def _check_end_states(problem: Problem, top: Section, automatic: bool) -> None:
+def _check_end_states(problem: Problem, top: Section) -> None:
     """Refuse a start or a goal inside a zone; a goal's zones stand where they are at the end."""
-    ends = [("start", problem.start, 0.0), ("goal", problem.goal, problem.duration)]
     moving = any(np.any(obstacle.rate) for obstacle in problem.obstacles)
-    if automatic and moving:
+    arrival = problem.duration if moving else 0.0
+    ends = [("start", problem.start, 0.0), ("goal", problem.goal, arrival)]
+    if math.isinf(arrival):
         ends.pop()  # where the zones will be is not known yet
     for key, state, time in ends:
         for name, margin in problem.margins(state.orientation, time).items():

@@ -7,18 +7,17 @@ from typing import Any
 
 import numpy as np
 
+from riem_planner.limits import QUANTITIES, Limits
 from riem_planner.obstacles import Obstacle, OrientationObstacle
-from riem_planner.offline.problem_files import AUTO, StatedProblem
-from riem_planner.problem import State
+from riem_planner.problem import AUTO, Problem, State
 
 
-def problem_document(stated: StatedProblem) -> dict[str, Any]:
-    """Document that states a problem, of plain values; `stated_problem` reads it back."""
-    problem = stated.problem
+def problem_document(problem: Problem) -> dict[str, Any]:
+    """Document that states a problem, of plain values; `parse_problem` reads it back."""
     document: dict[str, Any] = {"name": problem.name} if problem.name else {}
     document["space"] = problem.space.name
     document["boresight"] = problem.boresight.tolist()
-    document["duration"] = AUTO if stated.least_duration else problem.duration
+    document["duration"] = AUTO if problem.has_auto_duration else problem.duration
     if problem.normalized_tension is not None:
         document["normalized_tension"] = problem.normalized_tension
     else:
@@ -29,8 +28,18 @@ def problem_document(stated: StatedProblem) -> dict[str, Any]:
             "angular_velocity": state.angular_velocity.tolist(),
         }
     document["obstacles"] = [_obstacle_document(obstacle) for obstacle in problem.obstacles]
-    if stated.limits is not None:
-        document.update(stated.limits.document())
+    if problem.limits is not None:
+        document.update(_limits_document(problem.limits))
+    return document
+
+
+def _limits_document(limits: Limits) -> dict[str, Any]:
+    bounds = {name: getattr(limits, name) for name in QUANTITIES}
+    document: dict[str, Any] = {
+        "limits": {k: np.asarray(v).tolist() for k, v in bounds.items() if v is not None}
+    }
+    if limits.inertia is not None:
+        document["inertia"] = np.asarray(limits.inertia).ravel().tolist()
     return document
 
 

@@ -12,6 +12,7 @@ import pytest
 from riem_planner.certificate import clearance_along
 from riem_planner.errors import InvalidProblemError
 from riem_planner.geometry import so3
+from riem_planner.limits import Limits
 from riem_planner.offline import planning
 from riem_planner.offline.plan_files import (
     check_plan,
@@ -20,8 +21,8 @@ from riem_planner.offline.plan_files import (
     plan_document,
     planned_trajectory,
 )
-from riem_planner.offline.planning import plan_stated
-from riem_planner.offline.problem_files import read_problem, stated_problem
+from riem_planner.offline.planning import plan_problem
+from riem_planner.offline.problem_files import parse_problem, read_problem
 from riem_planner.offline.straight import straight_slew
 from riem_planner.solution import Solution, Status
 
@@ -35,13 +36,13 @@ KEYS = {
 
 
 @pytest.fixture(scope="module")
-def stated():
-    return stated_problem(json.loads(LINES[3]))
+def problem():
+    return parse_problem(json.loads(LINES[3]))
 
 
 @pytest.fixture(scope="module")
-def plan(stated):
-    return plan_stated(stated)
+def plan(problem):
+    return plan_problem(problem)
 
 
 @pytest.fixture
@@ -69,9 +70,9 @@ def test_samples_are_even_and_end_at_the_duration(document):
         assert np.shape(document[key]) == (201, width)
 
 
-def test_clearance_is_that_of_the_samples_and_a_true_lower_bound(stated, plan, document):
-    times = np.linspace(0.0, stated.problem.duration, 2001)
-    margins = clearance_along(plan.trajectory, stated.problem, times)
+def test_clearance_is_that_of_the_samples_and_a_true_lower_bound(problem, plan, document):
+    times = np.linspace(0.0, problem.duration, 2001)
+    margins = clearance_along(plan.trajectory, problem, times)
     for name, bound in document["clearance_deg"].items():
         least = math.degrees(margins[name].min())
         assert bound <= least
@@ -85,35 +86,35 @@ def test_trajectory_survives_the_file_bit_for_bit(plan, document):
     np.testing.assert_array_equal(back.coefficients, plan.trajectory.coefficients)
 
 
-def test_plan_states_its_own_problem(stated, document):
-    own = stated_problem(document["problem"]).problem
+def test_plan_states_its_own_problem(problem, document):
+    own = parse_problem(document["problem"])
     R = so3.exp(np.array([0.4, 0.1, -0.7]))
-    assert own.margins(R) == pytest.approx(stated.problem.margins(R), abs=1e-14)
-    assert own.duration == stated.problem.duration
+    assert own.margins(R) == pytest.approx(problem.margins(R), abs=1e-14)
+    assert own.duration == problem.duration
 
 
-def test_number_of_samples_can_be_chosen(stated):
-    assert plan_stated(stated, 301).trajectory.times.size == 301
+def test_number_of_samples_can_be_chosen(problem):
+    assert plan_problem(problem, 301).trajectory.times.size == 301
 
 
 def test_too_few_samples_are_raised_until_certified():
     # The slew turns by about a half turn, which two samples leave open the direction of.
-    plan = plan_stated(read_problem(ROOT / "config/problems/bevo2_case0.yaml"), 2)
+    plan = plan_problem(read_problem(ROOT / "config/problems/bevo2_case0.yaml"), 2)
     assert plan.certified
     assert plan.trajectory.times.size == 3
     assert any("3 samples instead of 2" in note for note in plan.solution.notes)
 
 
-def test_samples_too_few_for_the_path_are_noted(stated):
-    assert any("leave the least-cost path" in n for n in plan_stated(stated, 3).solution.notes)
-    assert not any("leave the" in note for note in plan_stated(stated).solution.notes)
+def test_samples_too_few_for_the_path_are_noted(problem):
+    assert any("leave the least-cost path" in n for n in plan_problem(problem, 3).solution.notes)
+    assert not any("leave the" in note for note in plan_problem(problem).solution.notes)
 
 
-def test_samples_that_cannot_be_certified_are_not_written_as_a_plan(stated, monkeypatch):
-    refusal = replace(planning.certify(straight_slew(stated.problem), stated.problem))
+def test_samples_that_cannot_be_certified_are_not_written_as_a_plan(problem, monkeypatch):
+    refusal = replace(planning.certify(straight_slew(problem), problem))
     refusal = replace(refusal, certified=False, reasons=("o1: too close",))
     monkeypatch.setattr(planning, "certify", lambda *_, **__: refusal)
-    plan = plan_stated(stated)
+    plan = plan_problem(problem)
     document = parsed_plan(encoded(plan_document(plan)))
     assert not plan.certified
     assert document["certified"] is False
@@ -123,11 +124,11 @@ def test_samples_that_cannot_be_certified_are_not_written_as_a_plan(stated, monk
     assert document["cost"] is None
 
 
-def test_unsolved_problem_gives_a_plan_without_samples(stated, plan, monkeypatch):
+def test_unsolved_problem_gives_a_plan_without_samples(problem, plan, monkeypatch):
     # Even if the solver handed over a trajectory that it calls unsolved.
     outcome = Solution(Status.OUT_OF_TIME, "out of time", trajectory=plan.trajectory)
     monkeypatch.setattr(planning, "solve", lambda *_, **__: outcome)
-    document = parsed_plan(encoded(plan_document(plan_stated(stated))))
+    document = parsed_plan(encoded(plan_document(plan_problem(problem))))
     assert (document["certified"], document["status"]) == (False, "OUT_OF_TIME")
     assert document["times"] == []
     assert document["clearance_deg"] == {}
@@ -141,8 +142,8 @@ def test_what_is_not_finite_is_null(plan):
     assert json.loads(text)["cost"] is None
 
 
-def test_untouched_plan_is_certified(stated, document):
-    certificate, claims = check_plan(document, stated)
+def test_untouched_plan_is_certified(problem, document):
+    certificate, claims = check_plan(document, problem)
     assert certificate.certified
     assert claims == []
     for name, bound in document["clearance_deg"].items():
@@ -176,35 +177,59 @@ def false_rate(document):
 
 
 @pytest.mark.parametrize("tamper", [bent, shifted_goal, cut_short, scaled_quaternion, false_rate])
-def test_tampered_plan_is_refused(stated, document, tamper):
+def test_tampered_plan_is_refused(problem, document, tamper):
     tamper(document)
-    certificate, _ = check_plan(document, stated)
+    certificate, _ = check_plan(document, problem)
     assert not certificate.certified
     assert certificate.reasons
 
 
-def test_plan_through_a_zone_is_refused(stated, document):
-    shrunk = stated.problem.obstacles[0]
-    inside = planned_trajectory(document).evaluate(1.0)[0] @ shrunk.boresight
-    problem = replace(
-        stated.problem,
-        obstacles=(
-            replace(shrunk, direction=inside, half_angle=0.1),
-            *stated.problem.obstacles[1:],
-        ),
-    )
-    certificate, _ = check_plan(document, replace(stated, problem=problem))
+def test_plan_through_a_zone_is_refused(problem, document):
+    first, *others = problem.obstacles
+    inside = planned_trajectory(document).evaluate(1.0)[0] @ first.boresight
+    zone = replace(first, direction=inside, half_angle=0.1)
+    certificate, _ = check_plan(document, replace(problem, obstacles=(zone, *others)))
     assert not certificate.certified
     assert any("o1" in reason for reason in certificate.reasons)
+
+
+def test_plan_beyond_the_limits_is_refused(problem, document):
+    fastest = planned_trajectory(document).angular_velocities
+    most = float(np.max(np.linalg.norm(fastest, axis=1)))
+    within, beyond = Limits(rate=1.01 * most), Limits(rate=0.99 * most)
+    assert check_plan(document, replace(problem, limits=within))[0].certified
+    certificate, _ = check_plan(document, replace(problem, limits=beyond))
+    assert not certificate.certified
+    assert any("rate" in reason for reason in certificate.reasons)
+
+
+def test_least_duration_is_found_and_stated(problem):
+    automatic = replace(
+        problem,
+        duration=math.inf,
+        limits=Limits(rate=0.5),
+        obstacles=tuple(
+            replace(obstacle, strength=None, normalized_strength=0.01)
+            for obstacle in problem.obstacles
+        ),
+    )
+    plan = plan_problem(automatic)
+    document = parsed_plan(encoded(plan_document(plan)))
+    assert document["certified"]
+    assert document["duration"] == document["times"][-1] == document["problem"]["duration"]
+    assert plan.certificate.rate_bound == pytest.approx(0.5, rel=1e-3)
+    assert 0.0 <= document["limits_left"]["rate"] < 2e-3
+    # The problem as the user states it, its duration yet to be found, accepts the plan.
+    assert check_plan(document, automatic)[0].certified
 
 
 @pytest.mark.parametrize(
     ("claim", "word"),
     [({"o1": 90.0}, "claims 90.0"), ({"o3": 1.0}, "no such zone"), ({"o1": None}, "nothing")],
 )
-def test_claim_beyond_the_certificate_is_found(stated, document, claim, word):
+def test_claim_beyond_the_certificate_is_found(problem, document, claim, word):
     document["clearance_deg"] = claim
-    _, claims = check_plan(document, stated)
+    _, claims = check_plan(document, problem)
     assert len(claims) == 1
     assert word in claims[0]
 
@@ -228,8 +253,7 @@ def test_samples_that_are_no_trajectory_are_named(document, key, value):
     assert caught.value.key in (key, "quaternions_xyzw", "angular_velocities")
 
 
-def test_straight_slew_is_the_geodesic_from_rest_to_rest(stated):
-    problem = stated.problem
+def test_straight_slew_is_the_geodesic_from_rest_to_rest(problem):
     slew = straight_slew(problem)
     R, v, _ = slew.evaluate(np.array([0.0, 0.5, 1.0]) * problem.duration)
     total = so3.distance(problem.start.orientation, problem.goal.orientation)
@@ -240,7 +264,7 @@ def test_straight_slew_is_the_geodesic_from_rest_to_rest(stated):
 
 
 def test_straight_slew_on_s2_takes_the_shortest_way():
-    problem = stated_problem(json.loads(LINES[2])).problem
+    problem = parse_problem(json.loads(LINES[2]))
     path = straight_slew(problem).evaluate(np.linspace(0.0, problem.duration, 9))[0]
     directions = path @ problem.boresight
     ends = directions[0], directions[-1]

@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from riem_planner.offline import plots, sphere_view
 from riem_planner.offline.plots import plan_figure, plot_plan
-from riem_planner.offline.problem_files import read_problem, stated_problem
+from riem_planner.offline.problem_files import parse_problem, read_problem
 from riem_planner.offline.sphere_view import SphereView, view_frames
 from riem_planner.offline.straight import straight_slew
 from riem_planner.plan import solve
@@ -24,7 +24,7 @@ TEXTBOOK = (ROOT / "config/problems/textbook.jsonl").read_text(encoding="utf-8")
 
 def many_zones():
     """A problem with more zones than a legend has room for, one of them moving."""
-    problem = stated_problem(json.loads(TEXTBOOK[3])).problem
+    problem = parse_problem(json.loads(TEXTBOOK[3]))
     zone = problem.obstacles[0]
     directions = np.random.default_rng(5).normal(size=(14, 3))
     zones = tuple(
@@ -35,11 +35,11 @@ def many_zones():
 
 
 PROBLEMS = {
-    "published": read_problem(ROOT / "config/problems/bevo2_case2.yaml").problem,
-    "orientation": stated_problem(json.loads(TEXTBOOK[1])).problem,
-    "s2": stated_problem(json.loads(TEXTBOOK[2])).problem,
+    "published": read_problem(ROOT / "config/problems/bevo2_case2.yaml"),
+    "orientation": parse_problem(json.loads(TEXTBOOK[1])),
+    "s2": parse_problem(json.loads(TEXTBOOK[2])),
     "many": many_zones(),
-    "none": replace(stated_problem(json.loads(TEXTBOOK[0])).problem, obstacles=()),
+    "none": replace(parse_problem(json.loads(TEXTBOOK[0])), obstacles=()),
 }
 
 

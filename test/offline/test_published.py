@@ -9,8 +9,8 @@ import pytest
 
 from riem_planner.certificate import clearance_along
 from riem_planner.geometry import so3
-from riem_planner.offline.planning import plan_stated
-from riem_planner.offline.problem_files import read_problem, stated_problem
+from riem_planner.offline.planning import plan_problem
+from riem_planner.offline.problem_files import parse_problem, read_problem
 from riem_planner.offline.straight import straight_slew
 from riem_planner.plan import solve
 
@@ -37,7 +37,7 @@ NORMALIZED_COST = {
 
 
 @pytest.fixture(params=sorted(STRAIGHT))
-def stated(request):
+def problem(request):
     return read_problem(FOLDER / f"{request.param}.yaml")
 
 
@@ -45,8 +45,7 @@ def test_every_published_manoeuvre_is_here():
     assert {path.stem for path in FOLDER.glob("*.yaml")} == STRAIGHT.keys()
 
 
-def test_straight_slew_violates_its_zones(stated):
-    problem = stated.problem
+def test_straight_slew_violates_its_zones(problem):
     times = np.linspace(0.0, problem.duration, 8001)
     margins = clearance_along(straight_slew(problem), problem, times)
     least = {name: math.degrees(values.min()) for name, values in margins.items()}
@@ -54,20 +53,19 @@ def test_straight_slew_violates_its_zones(stated):
     assert min(least.values()) < 0.0
 
 
-def test_plan_is_certified_with_clearance_in_every_zone(stated):
-    plan = plan_stated(stated)
+def test_plan_is_certified_with_clearance_in_every_zone(problem):
+    plan = plan_problem(problem)
     assert plan.certified, plan.solution.message
-    assert plan.certificate.clearance.keys() == STRAIGHT[stated.problem.name].keys()
+    assert plan.certificate.clearance.keys() == STRAIGHT[problem.name].keys()
     assert min(plan.certificate.clearance.values()) > 0.0
     # The bound is a bound: finer sampling than the plan's finds nothing closer.
-    times = np.linspace(0.0, stated.problem.duration, 2001)
-    margins = clearance_along(plan.trajectory, stated.problem, times)
+    times = np.linspace(0.0, problem.duration, 2001)
+    margins = clearance_along(plan.trajectory, problem, times)
     for name, bound in plan.certificate.clearance.items():
         assert margins[name].min() >= bound
 
 
-def test_cost_is_that_of_the_cheaper_way_round(stated):
-    problem = stated.problem
+def test_cost_is_that_of_the_cheaper_way_round(problem):
     normalized = solve(problem).cost * problem.duration**3
     assert normalized <= 1.003 * NORMALIZED_COST[problem.name]
 
@@ -76,7 +74,7 @@ def test_textbook_costs_are_reached():
     lines = (FOLDER / "textbook.jsonl").read_text(encoding="utf-8").splitlines()
     for line in lines:
         document = json.loads(line)
-        solution = solve(stated_problem(document).problem)
+        solution = solve(parse_problem(document))
         assert solution.solved, solution.message
         assert solution.cost == pytest.approx(document["best_known_cost"], rel=1e-6)
 
@@ -85,7 +83,7 @@ def test_rotated_manoeuvre_has_the_same_cost():
     # Left translation of the whole problem: attitudes and directions in another frame.
     lines = (FOLDER / "textbook.jsonl").read_text(encoding="utf-8").splitlines()
     document = json.loads(lines[3])
-    cost = solve(stated_problem(document).problem).cost
+    cost = solve(parse_problem(document)).cost
     q = so3.quaternion_exp(np.array([0.3, -1.0, 0.5]))
     for key in ("start", "goal"):
         turned = so3.quaternion_multiply(q, np.array(document[key]["orientation"]))
@@ -93,4 +91,4 @@ def test_rotated_manoeuvre_has_the_same_cost():
     R = so3.quaternion_to_matrix(q)
     for obstacle in document["obstacles"]:
         obstacle["direction"] = (R @ obstacle["direction"]).tolist()
-    assert solve(stated_problem(document).problem).cost == pytest.approx(cost, rel=1e-8)
+    assert solve(parse_problem(document)).cost == pytest.approx(cost, rel=1e-8)
