@@ -1,0 +1,171 @@
+"""Limits are judged in continuous time, by bounds that hold between samples and are tight."""
+
+import math
+
+import numpy as np
+import pytest
+from curves import curve, problem_of, random_curve, slew
+
+from riem_planner import InvalidProblemError, Limits, Problem, State, Trajectory, certify
+from riem_planner.certificate import certify_limits
+from riem_planner.certificate.limit_bounds import TIGHTNESS
+from riem_planner.geometry import so3
+
+J = np.array([[2.0, 0.1, 0.05], [0.1, 3.0, 0.2], [0.05, 0.2, 4.0]])
+
+
+def random_limits(rng):
+    values = {"rate": 0.1, "acceleration": 0.02, "torque": 0.05, "momentum": 0.4}
+    if rng.random() < 0.5:
+        values = {key: value * rng.uniform(0.2, 2.0, 3) for key, value in values.items()}
+    return Limits(**values, inertia=J)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_parts_used_are_upper_bounds_and_tight(seed):
+    rng = np.random.default_rng(seed)
+    for trial in range(25):
+        samples = (51, 2, 7, int(rng.integers(2, 120)))[trial % 4]
+        trajectory = random_curve(rng, samples)
+        limits = random_limits(rng)
+        use = certify_limits(trajectory, limits)
+        times = np.linspace(0.0, trajectory.duration, 8001)
+        _, v, a = trajectory.evaluate(times)
+        sampled = limits.used(v, a)
+        assert use.parts.keys() == sampled.keys()
+        for key, part in use.parts.items():
+            assert sampled[key] * (1.0 - 1e-12) <= part
+            assert part <= sampled[key] * (1.0 + TIGHTNESS + 1e-5)
+            _, v_1, a_1 = trajectory.evaluate(use.worst[key])
+            assert limits.used(v_1, a_1)[key] == pytest.approx(part, rel=2e-4)
+
+
+def test_the_torque_is_that_of_the_rigid_body():
+    rng = np.random.default_rng(5)
+    trajectory = random_curve(rng, 41)
+    limits = Limits(torque=1.0, momentum=1.0, inertia=J)
+    times = np.linspace(1.0, 19.0, 500)
+    step = 1e-4
+    R, v, _ = trajectory.evaluate(times)
+    ahead, behind = trajectory.evaluate(times + step), trajectory.evaluate(times - step)
+    # The rate of change of the angular momentum in the reference frame.
+    momentum = [np.einsum("nij,nj->ni", x[0], x[1] @ J) for x in (ahead, behind)]
+    torque = np.linalg.norm((momentum[0] - momentum[1]) / (2.0 * step), axis=1)
+    _, _, a = trajectory.evaluate(times)
+    used = limits.used(v, a)
+    assert used["torque"] == pytest.approx(torque.max(), rel=1e-6)
+    momenta = np.linalg.norm(np.einsum("nij,nj->ni", R, v @ J), axis=1)
+    assert used["momentum"] == pytest.approx(momenta.max(), rel=1e-12)
+
+
+def test_the_closed_form_of_the_cubic():
+    angle, T, moment = 2.0, 10.0, 4.0
+    trajectory = slew(angle, T)
+    exact = {
+        "rate": 1.5 * angle / T,
+        "acceleration": 6.0 * angle / T**2,
+        "torque": moment * 6.0 * angle / T**2,
+        "momentum": moment * 1.5 * angle / T,
+    }
+    inertia = np.diag([2.0, 3.0, moment])
+    for key, value in exact.items():
+        tight = certify_limits(trajectory, Limits(**{key: value}, inertia=inertia))
+        assert tight.parts[key] == pytest.approx(1.0, abs=1.1e-4)
+        assert (
+            certify_limits(trajectory, Limits(**{key: 1.001 * value}, inertia=inertia)).reasons
+            == ()
+        )
+        broken = certify_limits(trajectory, Limits(**{key: 0.999 * value}, inertia=inertia))
+        assert len(broken.reasons) == 1
+        assert broken.reasons[0].startswith(f"limits.{key}: 1.00")
+
+
+def test_a_limit_broken_only_between_samples_is_broken():
+    # One quintic from rest to rest: at its two samples nothing moves.
+    rest = np.zeros((2, 3))
+    q = [[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, math.sin(0.5), math.cos(0.5)]]
+    trajectory = Trajectory([0.0, 10.0], q, rest, rest)
+    peak = 1.875 / 10.0
+    problem = problem_of(trajectory)
+    refused = certify(trajectory, problem, Limits(rate=0.999 * peak))
+    assert not refused.certified
+    assert refused.breaks_only_limits
+    assert refused.limit_margins["rate"] == pytest.approx(-0.001, abs=2e-4)
+    assert "limits.rate: 1.001 times the limit" in refused.reasons[0]
+    assert "t = 5 s" in refused.reasons[0]
+    allowed = certify(trajectory, problem, Limits(rate=1.001 * peak))
+    assert allowed.certified
+    assert not allowed.breaks_only_limits
+    assert 0.0 < allowed.limit_margins["rate"] < 0.0011
+
+
+def test_each_axis_has_its_own_limit():
+    trajectory = slew(axis=(0.0, 0.6, 0.8))
+    peak = 0.3
+    assert certify_limits(trajectory, Limits(rate=[1e-6, 0.61 * peak, 0.81 * peak])).reasons == ()
+    for broken in ([1e-6, 0.59 * peak, 1.0], [1e-6, 1.0, 0.79 * peak]):
+        assert len(certify_limits(trajectory, Limits(rate=broken)).reasons) == 1
+
+
+def test_the_problem_s_limits_count_unless_others_are_given():
+    trajectory = slew()
+    problem = problem_of(trajectory, limits=Limits(rate=0.2, acceleration=1.0))
+    certificate = certify(trajectory, problem)
+    assert not certificate.certified
+    assert certificate.limit_margins["rate"] == pytest.approx(-0.5, abs=1e-3)
+    assert certificate.limit_margins["acceleration"] == pytest.approx(0.88, abs=1e-3)
+    assert certify(trajectory, problem, Limits(rate=0.4)).certified
+    assert certify(trajectory, problem_of(trajectory)).limit_margins == {}
+
+
+def test_more_than_limits_stands_against_a_bad_end():
+    trajectory = slew()
+    problem = problem_of(trajectory, limits=Limits(rate=0.2))
+    object.__setattr__(problem, "goal", State(problem.goal.orientation @ so3.exp([0.1, 0.0, 0.0])))
+    certificate = certify(trajectory, problem)
+    assert len(certificate.reasons) == 2
+    assert not certificate.breaks_only_limits
+
+
+def test_what_is_not_finite_breaks_every_limit():
+    trajectory = curve([0.0, 0.0, 0.0, 1.0], np.ones((2, 3)), 5.0, 5)
+    coefficients = trajectory.coefficients.copy()
+    coefficients[2, 3, 1] = np.nan
+    coefficients.setflags(write=False)
+    object.__setattr__(trajectory, "_coefficients", coefficients)
+    use = certify_limits(trajectory, Limits(rate=1e9, torque=1e9, inertia=J))
+    assert len(use.reasons) == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "key"),
+    [
+        ({}, "limits"),
+        ({"inertia": J}, "limits"),
+        ({"rate": 0.0}, "limits.rate"),
+        ({"rate": [0.1, 0.1, -0.1]}, "limits.rate"),
+        ({"rate": [0.1, 0.1]}, "limits.rate"),
+        ({"acceleration": math.nan}, "limits.acceleration"),
+        ({"torque": 1.0}, "inertia"),
+        ({"momentum": [1.0, 1.0, 1.0]}, "inertia"),
+        ({"torque": 1.0, "inertia": -J}, "inertia"),
+        ({"torque": 1.0, "inertia": np.triu(J)}, "inertia"),
+        ({"torque": 1.0, "inertia": np.diag([1.0, 1.0, 3.0])}, "inertia"),
+    ],
+)
+def test_limits_that_make_no_sense_are_refused_by_name(options, key):
+    with pytest.raises(InvalidProblemError) as refusal:
+        Limits(**options)
+    assert refusal.value.key == key
+
+
+def test_an_automatic_duration_needs_limits():
+    rest = State(np.eye(3))
+    with pytest.raises(InvalidProblemError, match="least within limits: give them"):
+        Problem(rest, rest, "auto")
+    with pytest.raises(InvalidProblemError, match="expected Limits"):
+        Problem(rest, rest, 1.0, limits={"rate": 1.0})
+    with pytest.raises(InvalidProblemError, match="finite"):
+        Problem(rest, rest, math.inf)
+    assert Problem(rest, rest, "auto", limits=Limits(rate=1.0)).has_auto_duration
+    assert not Problem(rest, rest, 5.0, limits=Limits(rate=1.0)).has_auto_duration
