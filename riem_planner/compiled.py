@@ -6,9 +6,13 @@ lock, so that a solve in a worker thread never delays the stream of setpoints.
 
 from __future__ import annotations
 
+import hashlib
+import os
 import threading
 from collections.abc import Callable
 from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numba
@@ -20,11 +24,37 @@ _FASTMATH = {"reassoc", "contract", "nsz", "arcp"}
 _MESSAGE_AFTER = 1.5  # s; loading from the cache takes less
 
 
+@cache
+def _cache_directory() -> str:
+    """Where kernels of just this source are kept.
+
+    Numba looks at the file of a kernel only, not at those whose functions are compiled into it,
+    so a change elsewhere would leave old machine code in use. A folder for each state of the
+    package's sources rules that out.
+    """
+    package = Path(__file__).parent
+    digest = hashlib.sha256()
+    for source in sorted(package.rglob("*.py")):
+        digest.update(source.read_bytes())
+    name = f"kernels-{digest.hexdigest()[:16]}"
+    if os.environ.get("NUMBA_CACHE_DIR"):
+        return str(Path(os.environ["NUMBA_CACHE_DIR"]) / name)
+    if os.access(package, os.W_OK):
+        return str(package / "__pycache__" / name)
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return str(Path(home) / "riem_planner" / name)
+
+
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a function to machine code on first use, cached on disk, without the GIL."""
-    return numba.njit(  # type: ignore[no-any-return]
-        function, cache=True, nogil=True, error_model="numpy", fastmath=_FASTMATH
-    )
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = _cache_directory()
+    try:
+        return numba.njit(  # type: ignore[no-any-return]
+            function, cache=True, nogil=True, error_model="numpy", fastmath=_FASTMATH
+        )
+    finally:
+        numba.config.CACHE_DIR = before
 
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:

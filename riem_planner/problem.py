@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from riem_planner.errors import InvalidProblemError
 from riem_planner.geometry import so3
 from riem_planner.limits import Limits
-from riem_planner.obstacles import Obstacle, OrientationObstacle, Zone
+from riem_planner.obstacles import (
+    Obstacle,
+    ObstacleTable,
+    OrientationObstacle,
+    Zone,
+    obstacle_table,
+)
 from riem_planner.validation import (
     finite_array,
     frozen,
@@ -100,10 +107,10 @@ class State:
         R = so3.quaternion_to_matrix(so3.minimal_rotation(b, x))
         return cls(R, horizontal_rate(R, x, finite_array("velocity", velocity, (3,)), b))
 
-    @property
+    @cached_property
     def quaternion_xyzw(self) -> Array:
         """Unit quaternion (4,) of the attitude, x, y, z, w."""
-        return so3.matrix_to_quaternion(self.orientation)
+        return frozen(so3.matrix_to_quaternion(self.orientation))
 
 
 def horizontal_rate(attitude: Array, direction: Array, velocity: Array, boresight: Array) -> Array:
@@ -254,6 +261,11 @@ class Problem:
     def has_auto_duration(self) -> bool:
         """Whether the duration is the least within the limits, yet to be found."""
         return math.isinf(self.duration)
+
+    @cached_property
+    def table(self) -> tuple[ObstacleTable, list[str]]:
+        """Obstacles as arrays in normalised time, and the name of each row's forbidden set."""
+        return obstacle_table(self)
 
     @property
     def sigma(self) -> float:

@@ -242,13 +242,11 @@ def evaluate_quintics(t, times, quaternions, coefficients):
     v_out = np.empty((t.size, 3))
     a_out = np.empty((t.size, 3))
     last = times.size - 2
+    xi, xi_1, xi_2 = np.empty(3), np.empty(3), np.empty(3)
     for m in range(t.size):
         k = min(max(np.searchsorted(times, t[m], side="right") - 1, 0), last)
         s = t[m] - times[k]
         c = coefficients[k]
-        xi = np.empty(3)
-        xi_1 = np.empty(3)
-        xi_2 = np.empty(3)
         for i in range(3):
             xi[i] = s * (c[1, i] + s * (c[2, i] + s * (c[3, i] + s * (c[4, i] + s * c[5, i]))))
             xi_1[i] = c[1, i] + s * (

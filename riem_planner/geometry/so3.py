@@ -13,6 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from riem_planner.compiled import kernel
+
 Array = NDArray[np.float64]
 
 # Below this angle [rad] the Taylor series of the coefficients are exact to the last digit.
@@ -62,10 +64,25 @@ def vee(matrix: ArrayLike) -> Array:
 def quaternion_multiply(left: ArrayLike, right: ArrayLike) -> Array:
     """Hamilton product of quaternions (..., 4), the rotation `left` after `right`."""
     p, q = np.asarray(left, dtype=float), np.asarray(right, dtype=float)
-    p_vector, q_vector, p_w, q_w = p[..., :3], q[..., :3], p[..., 3:], q[..., 3:]
-    vector = p_w * q_vector + q_w * p_vector + np.cross(p_vector, q_vector)
-    scalar = p_w * q_w - np.sum(p_vector * q_vector, axis=-1, keepdims=True)
-    return np.concatenate([vector, scalar], axis=-1)
+    if p.shape != q.shape:
+        p, q = np.broadcast_arrays(p, q)
+    shape = p.shape
+    p, q = np.ascontiguousarray(p).reshape(-1, 4), np.ascontiguousarray(q).reshape(-1, 4)
+    product = _multiply(p, q)
+    return np.asarray(product.reshape(shape))
+
+
+@kernel
+def _multiply(p, q):  # type: ignore[no-untyped-def]
+    out = np.empty(p.shape)
+    for k in range(p.shape[0]):
+        a, b, c, d = p[k, 0], p[k, 1], p[k, 2], p[k, 3]
+        x, y, z, w = q[k, 0], q[k, 1], q[k, 2], q[k, 3]
+        out[k, 0] = d * x + w * a + (b * z - c * y)
+        out[k, 1] = d * y + w * b + (c * x - a * z)
+        out[k, 2] = d * z + w * c + (a * y - b * x)
+        out[k, 3] = d * w - (a * x + b * y + c * z)
+    return out
 
 
 def quaternion_conjugate(quaternion: ArrayLike) -> Array:
@@ -113,23 +130,28 @@ def matrix_to_quaternion(matrix: ArrayLike) -> Array:
     taken, so no precision is lost at any angle (Shepperd 1978).
     """
     m = np.asarray(matrix, dtype=float)
-    m00, m11, m22 = m[..., 0, 0], m[..., 1, 1], m[..., 2, 2]
-    t = np.swapaxes(m, -1, -2)
-    both, turn = m + t, m - t
-    xy, xz, yz = both[..., 0, 1], both[..., 0, 2], both[..., 1, 2]
-    wx, wy, wz = turn[..., 2, 1], turn[..., 0, 2], turn[..., 1, 0]
-    outer = np.stack(
-        [
-            np.stack([1.0 + m00 - m11 - m22, xy, xz, wx], axis=-1),
-            np.stack([xy, 1.0 - m00 + m11 - m22, yz, wy], axis=-1),
-            np.stack([xz, yz, 1.0 - m00 - m11 + m22, wz], axis=-1),
-            np.stack([wx, wy, wz, 1.0 + m00 + m11 + m22], axis=-1),
-        ],
-        axis=-2,
-    )
-    largest = np.argmax(np.diagonal(outer, axis1=-2, axis2=-1), axis=-1)
-    column = np.take_along_axis(outer, largest[..., None, None], axis=-2)[..., 0, :]
-    return column / np.linalg.norm(column, axis=-1, keepdims=True)
+    flat = _shepperd(np.ascontiguousarray(m).reshape(-1, 3, 3))
+    return np.asarray(flat.reshape(*m.shape[:-2], 4))
+
+
+@kernel
+def _shepperd(m):  # type: ignore[no-untyped-def]
+    out = np.empty((m.shape[0], 4))
+    for k in range(m.shape[0]):
+        a, b, c = m[k, 0, 0], m[k, 1, 1], m[k, 2, 2]
+        xy, xz, yz = m[k, 0, 1] + m[k, 1, 0], m[k, 0, 2] + m[k, 2, 0], m[k, 1, 2] + m[k, 2, 1]
+        wx, wy, wz = m[k, 2, 1] - m[k, 1, 2], m[k, 0, 2] - m[k, 2, 0], m[k, 1, 0] - m[k, 0, 1]
+        if a + b + c >= max(a, b, c):
+            x, y, z, w = wx, wy, wz, 1.0 + a + b + c
+        elif a >= b and a >= c:
+            x, y, z, w = 1.0 + a - b - c, xy, xz, wx
+        elif b >= c:
+            x, y, z, w = xy, 1.0 - a + b - c, yz, wy
+        else:
+            x, y, z, w = xz, yz, 1.0 - a - b + c, wz
+        scale = 1.0 / np.sqrt(x * x + y * y + z * z + w * w)
+        out[k, 0], out[k, 1], out[k, 2], out[k, 3] = scale * x, scale * y, scale * z, scale * w
+    return out
 
 
 def exp(rotation_vector: ArrayLike) -> Array:

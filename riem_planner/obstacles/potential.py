@@ -31,7 +31,7 @@ from riem_planner.obstacles.table import (
     STRENGTH,
 )
 
-CUT_WIDTH = 0.05
+CUT_WIDTH = 0.1
 """Within this distance [rad] of the cut locus, d = pi, the kink of d is rounded off, so that the
 potential is C^5; the potential as stated differs there only."""
 
@@ -342,4 +342,14 @@ def rounding(table, times, q):
             eta = np.pi - d
             if eta < CUT_WIDTH:
                 out[k] += tau / (d - r) ** 2 - tau / (np.pi - _rounded(eta * eta) - r) ** 2
+    return out
+
+
+@kernel
+def row_margins(table, time, q):
+    """Margin of an attitude to each row's edge [rad], positive where allowed (n,)."""
+    out = np.empty(table.shape[0])
+    for i in range(table.shape[0]):
+        d = towards(table, i, time, q[0], q[1], q[2], q[3])[0]
+        out[i] = d - table[i, RADIUS] if table[i, GROUP] < 0.0 else table[i, RADIUS] - d
     return out

@@ -107,4 +107,8 @@ KIND, PLACE, BORESIGHT, RATE, RADIUS, STRENGTH, RANGE_ON, RANGE_OFF, GROUP = (
 
 def packed(table: ObstacleTable) -> Array:
     """The table as one array (n, 16), which compiled code reads without reference counts."""
-    return np.column_stack([np.asarray(column, dtype=float) for column in table])
+    rows = np.empty((table.kind.size, 16))
+    first = (KIND, PLACE, BORESIGHT, RATE, RADIUS, STRENGTH, RANGE_ON, RANGE_OFF, GROUP, 16)
+    for column, begin, end in zip(table, first[:-1], first[1:], strict=True):
+        rows[:, begin:end] = column.reshape(-1, end - begin)
+    return rows

@@ -9,6 +9,8 @@ from riem_planner.obstacles.potential import CUT_WIDTH, potential, towards
 from riem_planner.obstacles.table import GROUP, RADIUS, RANGE_ON, RATE
 from riem_planner.solver.descent import turn
 
+_NEAR = 1.2  # rad from its edge, within which an obstacle has another side worth a try
+
 
 @inlined
 def _relative(p, q, out):
@@ -110,7 +112,7 @@ def mesh_and_states(pointing, table, times, q, start, goal, interval, least, mos
             if table[i, GROUP] < 0.0 and table[i, RANGE_ON] == np.inf:
                 d = towards(table, i, times[k], q[k, 0], q[k, 1], q[k, 2], q[k, 3])[0]
                 cut = min(cut, np.pi - d)
-        density[k] += speed * CUT_WIDTH / (cut + CUT_WIDTH) ** 2
+        density[k] += 4.0 * speed * CUT_WIDTH / (cut + CUT_WIDTH) ** 2
     total = np.empty(n + 1)
     total[0] = 0.0
     for k in range(n):
@@ -221,7 +223,7 @@ def reflect(pointing, table, i, times, q, out):
     if pointing:
         axis[2] = 0.0
     length = np.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
-    if not (length > 0.0 and least < 0.75 * np.pi):
+    if not (length > 0.0 and least - table[i, RADIUS] < _NEAR):
         return False
     angle = 2.0 * max(least, 0.02)
     peak = times[nearest]
@@ -302,3 +304,98 @@ def crosses_cut(table, times, states):
                     near[k - 1] = True
             before = d
     return near
+
+
+@kernel
+def ways_round(pointing, start, goal):
+    """Cubic rotation vectors from start to goal: either way round, further turns, straightest first.
+
+    Parameters
+    ----------
+    start, goal : (7,)
+        Quaternion and body rate.
+
+    Returns
+    -------
+    ends, rates : (m, 3)
+        Rotation vector at the goal, and its derivative there.
+    costs : (m,)
+        Half the integral of the squared second derivative.
+    length
+        Angle that the straighter two may cover, for the choice of nodes [rad].
+    """
+    p, q = start, goal
+    x = p[3] * q[0] - q[3] * p[0] - (p[1] * q[2] - p[2] * q[1])
+    y = p[3] * q[1] - q[3] * p[1] - (p[2] * q[0] - p[0] * q[2])
+    z = p[3] * q[2] - q[3] * p[2] - (p[0] * q[1] - p[1] * q[0])
+    w = p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]
+    a, v = start[4:], goal[4:].copy()
+    if pointing:
+        # Of all goal attitudes with the goal's direction, the one reached without roll: undo
+        # its turn about e3.
+        size = np.sqrt(z * z + w * w)
+        if size > 1e-12:
+            c, s = w / size, -z / size
+            x, y = c * x + s * y, c * y - s * x
+            cosine, sine = c * c - s * s, 2.0 * c * s
+            v[0], v[1] = cosine * v[0] + sine * v[1], cosine * v[1] - sine * v[0]
+            z, w = 0.0, size
+    sine = np.sqrt(x * x + y * y + z * z)
+    if w < 0.0:
+        x, y, z, w = -x, -y, -z, -w
+    angle = 2.0 * np.arctan2(sine, w)
+    axis = np.zeros(3)
+    if sine > 1e-9:
+        axis[0], axis[1], axis[2] = x / sine, y / sine, z / sine
+    else:
+        size = 0.0
+        for i in range(3):
+            axis[i] = a[i] + v[i]
+            size += axis[i] ** 2
+        if size > 1e-18:
+            axis /= np.sqrt(size)
+        else:
+            axis[1] = 1.0
+    turns = (0, -1, 1, -2, 2)
+    extra = 2 if pointing and angle > 0.9 * np.pi else 0
+    ends, rates = np.zeros((5 + extra, 3)), np.zeros((5 + extra, 3))
+    costs = np.empty(5 + extra)
+    inner = axis[0] * v[0] + axis[1] * v[1] + axis[2] * v[2]
+    for m in range(5 + extra):
+        if m < 5:
+            along = angle + 2.0 * np.pi * turns[m]
+            half = 0.5 * along
+            # The inverse Jacobian of exp, bounded near full turns, where it has poles.
+            cot = half / np.tan(half) if abs(np.sin(half)) > 1e-9 else 1.0
+            cot = min(max(cot, -2.0), 2.0)
+            bend = min(max(half, -2.0), 2.0)
+            n = axis
+            for i in range(3):
+                across = v[i] - inner * n[i]
+                j, k = (i + 1) % 3, (i + 2) % 3
+                ends[m, i] = along * n[i]
+                rates[m, i] = inner * n[i] + cot * across + bend * (n[j] * v[k] - n[k] * v[j])
+        else:
+            # Near the antipode any way round is as good: the two at right angles as well.
+            side = 1.0 if m == 5 else -1.0
+            ends[m, 0], ends[m, 1] = -side * angle * axis[1], side * angle * axis[0]
+        cost = 0.0
+        for i in range(3):
+            b, c = ends[m, i], rates[m, i]
+            cost += 3.0 * b * b - 3.0 * b * (a[i] + c) + a[i] * a[i] + a[i] * c + c * c
+        costs[m] = 2.0 * cost
+    # Both ways always, further turns only where they are straighter than these.
+    limit = max(costs[0], costs[1])
+    order = np.argsort(costs, kind="mergesort")
+    chosen = np.empty(5 + extra, dtype=np.int64)
+    count = 0
+    for m in order:
+        if m < 2 or m >= 5 or costs[m] < limit:
+            chosen[count] = m
+            count += 1
+    chosen = chosen[:count]
+    length = 0.0
+    for m in chosen[:2]:
+        length = max(length, np.sqrt(np.sum(ends[m] ** 2)) + 0.3 * np.sqrt(np.sum(rates[m] ** 2)))
+    length += 0.3 * np.sqrt(np.sum(a**2))
+    return ends[chosen], rates[chosen], costs[chosen], length

@@ -22,8 +22,8 @@ _INTERVAL = 0.95  # of the mesh density's integral, on the first mesh
 _LEAST_INTERVALS, _MOST_INTERVALS = 10, 160
 _MOST_BISECTED = 600
 # Halving a step divides the error of an 8th-order method by 256; half of that is claimed. Where a
-# step may cross the rounded cut locus, which is less smooth, nothing is claimed.
-_HALVING = 128.0
+# step may cross the edge of the rounded cut locus, which is only C^5, less is.
+_HALVING, _HALVING_AT_CUT = 128.0, 8.0
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ def _on_mesh(
                 break
     else:
         return None
-    gain = np.where(crosses_cut(setup.table, mesh, states), 1.0, 1.0 / _HALVING)
+    gain = np.where(crosses_cut(setup.table, mesh, states), 1.0 / _HALVING_AT_CUT, 1.0 / _HALVING)
     discretisation = sensitivity * gain * np.abs(local[:, :3]).max(axis=1)
     cost_error = float(gain @ difference) / max(cost, 1e-300)
     error = max(

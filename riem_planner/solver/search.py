@@ -22,8 +22,8 @@ from riem_planner.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_NODES_LEAST, _NODES_MOST = 32, 96
-_NODE_ANGLE = 0.12  # rad of a first guess between nodes
+_NODES_LEAST, _NODES_MOST = 24, 96
+_NODE_ANGLE = 0.15  # rad of a first guess between nodes
 _SOFT_POINTS = (0.35, 0.1, 0.03)
 _SOFT_ZONES = (1.0, 0.5, 0.25, 0.1, 0.05, 0.02)
 _SOFT_LAST = (0.01, 0.003)
@@ -35,6 +35,7 @@ _NODES_FINE = 400
 _MOST_ITERATIONS = 60
 _SAME_COST = 1e-4
 _MOST_DESCENTS = 12
+_HOPELESS = 2.0  # of the best cost, that a way round costs without obstacles
 
 
 @dataclass(eq=False)
@@ -175,86 +176,45 @@ class Search:
         return s.with_goal(curves.resampled(curve.times, s.lifted(q), self.times))
 
 
-def first_guesses(setup: Setup) -> tuple[Array, list[Array]]:
-    """Times (N + 1,) and curves (N + 1, 4) that go round either way, straightest first."""
-    start, goal = setup.start, setup.goal
-    relative = so3.quaternion_multiply(so3.quaternion_conjugate(start[:4]), goal[:4])
-    rate_goal = goal[4:]
-    if setup.pointing:
-        # Of all goal attitudes with the goal's direction, the one reached without roll.
-        to_goal = so3.quaternion_to_matrix(relative)
-        turn = so3.minimal_rotation(np.array([0.0, 0.0, 1.0]), to_goal[:, 2])
-        rate_goal = so3.quaternion_to_matrix(turn).T @ to_goal @ rate_goal
-        relative = turn
-    xi = so3.quaternion_log(relative)
-    angle = float(np.linalg.norm(xi))
-    axis = xi / angle if angle > 1e-9 else _axis_of(start[4:] + rate_goal, setup.pointing)
-    ends = []
-    for turns in (0, -1, 1, -2, 2):
-        along = angle + 2.0 * np.pi * turns
-        end = along * axis
-        rate_end = _chart_rate(axis, along, rate_goal)
-        ends.append((_cubic_cost(start[4:], end, rate_end), end, rate_end))
-    if angle > 0.9 * np.pi and setup.pointing:
-        # Near the antipode any way round is as good: try the two at right angles.
-        for side in (1.0, -1.0):
-            across = side * np.array([-axis[1], axis[0], 0.0])
-            ends.insert(2, (0.0, angle * across, np.zeros(3)))
-    # Both ways round always; further turns only where they are straighter than these.
-    limit = max(ends[0][0], ends[1][0])
-    chosen = ends[:2] + [end for end in ends[2:] if end[0] < limit]
-    chosen.sort(key=lambda end: end[0])
-    longest = max(float(np.linalg.norm(end)) + 0.3 * float(np.linalg.norm(rate))
-                  for _, end, rate in chosen[:2]) + 0.3 * float(np.linalg.norm(start[4:]))
-    nodes = min(max(int(longest / _NODE_ANGLE), _NODES_LEAST), _NODES_MOST)
+def first_guesses(setup: Setup) -> tuple[Array, list[Array], Array]:
+    """Curves that go round either way, straightest first.
+
+    Returns
+    -------
+    times : (N + 1,)
+    guesses
+        Attitudes (N + 1, 4).
+    costs
+        Of each without obstacles, roughly.
+    """
+    ends, rates, costs, length = curves.ways_round(setup.pointing, setup.start, setup.goal)
+    nodes = min(max(int(length / _NODE_ANGLE), _NODES_LEAST), _NODES_MOST)
     times = np.linspace(0.0, 1.0, nodes + 1)
     guesses = []
-    for _, end, rate_end in chosen:
+    for end, rate in zip(ends, rates, strict=True):
         q = np.empty((nodes + 1, 4))
-        curves.guess(start[:4], start[4:], end, rate_end, times, q)
+        curves.guess(setup.start[:4], setup.start[4:], end, rate, times, q)
         guesses.append(setup.with_goal(q))
-    return times, guesses
-
-
-def _axis_of(rate: Array, pointing: bool) -> Array:
-    """An axis to turn about where the end attitudes give none."""
-    if np.linalg.norm(rate) > 1e-9:
-        return np.asarray(rate / np.linalg.norm(rate))
-    return np.array([0.0, 1.0, 0.0]) if pointing else np.array([1.0, 0.0, 0.0])
-
-
-def _chart_rate(axis: Array, along: float, rate: Array) -> Array:
-    """Derivative of the rotation vector `along * axis` for a body rate; bounded near 2 pi."""
-    parallel = (axis @ rate) * axis
-    across = rate - parallel
-    half = 0.5 * along
-    cot = half / np.tan(half) if abs(np.sin(half)) > 1e-9 else 1.0
-    cot = min(max(cot, -2.0), 2.0)
-    bend = min(max(half, -2.0), 2.0)
-    return np.asarray(parallel + cot * across + bend * np.cross(axis, across))
-
-
-def _cubic_cost(rate_start: Array, end: Array, rate_end: Array) -> float:
-    """Integral of the squared second derivative of the cubic rotation vector, halved."""
-    a, b, c = rate_start, end, rate_end
-    return float(2.0 * (3.0 * b @ b - 3.0 * b @ (a + c) + a @ a + a @ c + c @ c))
+    return times, guesses, costs
 
 
 def global_search(setup: Setup, watch: Watch, warm_start: Trajectory | None) -> list[Curve]:
     """Minima of the classes that are worth a try, cheapest first."""
-    times, guesses = first_guesses(setup)
+    times, guesses, costs = first_guesses(setup)
     found = Search(setup, watch, times)
     if warm_start is not None:
         found.add(warm_guess(setup, warm_start, times), _SOFT_WARM)
-    for q in guesses:
-        found.add(q, found.softs)
+    for q, cost in zip(guesses, costs, strict=True):
+        # Obstacles only add to the cost of a way round.
+        if not found.minima or cost < _HOPELESS * found.minima[0].cost:
+            found.add(q, found.softs)
     found.cross_obstacles(_MOST_DESCENTS - len(guesses))
     return found.minima
 
 
 def local_search(setup: Setup, watch: Watch, warm_start: Trajectory | None) -> list[Curve]:
     """The minimum of one class: that of the warm start, or the straightest."""
-    times, guesses = first_guesses(setup)
+    times, guesses, _ = first_guesses(setup)
     found = Search(setup, watch, times)
     if warm_start is not None:
         found.add(warm_guess(setup, warm_start, times), _SOFT_WARM)

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riem_planner.geometry import so3
-from riem_planner.obstacles import obstacle_table
-from riem_planner.obstacles.table import packed
+from riem_planner.obstacles.table import BORESIGHT, packed
 from riem_planner.problem import S2, Problem
 from riem_planner.solver.curves import lift
 
@@ -60,12 +59,12 @@ def set_up(problem: Problem) -> Setup:
     """Normalise a problem."""
     T = problem.duration
     pointing = problem.space == S2
-    table, _ = obstacle_table(problem)
+    table = packed(problem.table[0])
     body = np.array([0.0, 0.0, 0.0, 1.0])
     ends = []
     if pointing:
         body = so3.minimal_rotation(np.array([0.0, 0.0, 1.0]), problem.boresight)
-        table.boresight[:] = (0.0, 0.0, 1.0)
+        table[:, BORESIGHT : BORESIGHT + 3] = (0.0, 0.0, 1.0)
     for state in (problem.start, problem.goal):
         q, v = state.quaternion_xyzw, state.angular_velocity * T
         if pointing:
@@ -73,4 +72,4 @@ def set_up(problem: Problem) -> Setup:
             v = so3.quaternion_to_matrix(body).T @ v
             v[2] = 0.0
         ends.append(np.concatenate([q, v]))
-    return Setup(pointing, packed(table), problem.sigma * T**2, *ends, body)
+    return Setup(pointing, table, problem.sigma * T**2, *ends, body)
