@@ -29,6 +29,7 @@ FINE = 1e-6
 """A fall of the margin that is rounding [rad]."""
 _CHECKS = 49  # times at which a candidate's margins are looked at
 _STEP = 1e-5  # of the finite differences of margins [rad]
+_LONGER = (1.0, 1.15, 1.5, 2.0, 3.0, 5.0, 9.0)  # turns, relative to the margin that is missing
 _FASTER = (1.0, 4.0, 16.0, 64.0)  # accelerations, relative to the gentle one
 
 
@@ -160,7 +161,7 @@ def way_out(
     axes = _axes(problem, attitude, speed > 1e-9, v)
     start = float(least_margin(problem, attitude, np.asarray(0.0)))
     needed = max(target - start, 1e-3)
-    lengths = np.unique(np.minimum(needed * np.array([1.0, 1.15, 1.5, 2.0, 3.0, 5.0, 9.0]), math.pi))
+    lengths = np.unique(np.minimum(needed * np.array(_LONGER), math.pi))
     u = np.linspace(0.0, 1.0, _CHECKS)
     best: tuple[tuple[float, ...], Array, float] | None = None
     for faster in _FASTER:

@@ -347,7 +347,7 @@ class Mission:
         return result.solution.cost < (1.0 - self.settings.replan_gain) * price
 
     def _look_for_gain(self, now_ns: int) -> None:
-        """Where the world has changed since the plan, see now and then if another way is cheaper."""
+        """Where the world has changed since the plan, see if another way is cheaper."""
         flying = self._bound_for is not None and now_ns < self.timeline.end_ns
         changed = self.world.version != self._planned_version
         if flying and changed and self.pending is None and now_ns - self._gain_ns >= RETRY_NS:
@@ -441,7 +441,7 @@ class Mission:
             self._tell(Level.WARN, "WAITING", f"no direction is known of zone {names} yet")
             return
         if not self.timeline and self.settings.require_state and self.measured is None:
-            self._tell(Level.WARN, "WAITING", "require_state: no state has come on ~/state or ~/imu")
+            self._tell(Level.WARN, "WAITING", "require_state: nothing on ~/state or ~/imu yet")
             return
         ahead = round(self.settings.budget_ns * self._patience)
         start = self._reference(now_ns, now_ns + ahead)
@@ -481,7 +481,7 @@ class Mission:
 
     def _attempts(self, start: Setpoint, goal: Goal, reason: Reason) -> tuple[Attempt, ...]:
         settings, world = self.settings, self.world
-        anew = planning.build_problem(settings, world, start, goal, self._duration(start, goal))
+        anew = planning.build_problem(settings, world, start, goal, settings.duration)
         segment = self._slew
         left = 0.0 if segment is None else (segment.end_ns - start.stamp_ns) * 1e-9
         keeping = reason in (Reason.OBSTACLE, Reason.GAIN) and goal is self._aim
@@ -495,10 +495,6 @@ class Mission:
             return (Attempt(kept, "global", warm_start),)
         peak = float(np.max(np.linalg.norm(flown.angular_velocities, axis=1)))
         return planning.attempts_keeping(kept, anew, warm_start, peak)
-
-    def _duration(self, start: Setpoint, goal: Goal) -> float:
-        """Duration of a slew from a state to a goal [s]."""
-        return self.settings.duration or 60.0
 
     def _retry(self, now_ns: int) -> None:
         """Try again what could not be planned, if the goal is not plainly forbidden."""

@@ -6,7 +6,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import numpy as np
@@ -324,10 +324,8 @@ class PlannerNode(LifecycleNode):
         """End the worker and the node; whether nothing is left that can't be interrupted."""
         self._closing = True
         ended = self._worker.close(0.3)
-        try:
+        with suppress(InvalidHandle):  # another thread may be in the middle of a call
             self.destroy_node()
-        except InvalidHandle:
-            pass  # another thread was in the middle of a call
         return ended
 
     # Calls --------------------------------------------------------------------------------------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Literal
 
@@ -16,7 +16,7 @@ from riem_planner.node.timeline import Setpoint
 from riem_planner.node.world import World
 from riem_planner.obstacles import Zone
 from riem_planner.plan import solve
-from riem_planner.problem import Problem, State
+from riem_planner.problem import AUTO, Problem, State
 from riem_planner.solution import Solution, Status
 from riem_planner.trajectory import Trajectory
 
@@ -122,6 +122,8 @@ def build_problem(
 ) -> Problem:
     """The problem from a reference state to a goal, in the world as it will be at the start.
 
+    A duration of 0 is the least within the limits.
+
     Raises
     ------
     InvalidProblemError
@@ -130,11 +132,12 @@ def build_problem(
     return Problem(
         start=state_of(start),
         goal=State.from_quaternion_xyzw(goal.quaternion, goal.rate),
-        duration=duration,
+        duration=duration or AUTO,
         space=settings.space,
         normalized_tension=settings.normalized_tension,
         obstacles=world.obstacles(start.stamp_ns),
         boresight=settings.boresight,
+        limits=settings.limits,
     )
 
 
@@ -156,7 +159,8 @@ def carry_out(request: Request, should_stop: Callable[[], bool] = lambda: False)
         certificate = solution.certificate
         if solution.solved and certificate is not None:
             if certificate.rate_bound <= attempt.fastest:
-                return Result(request, solution, attempt.problem, time.monotonic() - begin)
+                problem = replace(attempt.problem, duration=certificate.trajectory.duration)
+                return Result(request, solution, problem, time.monotonic() - begin)
             continue
         worst = (solution, attempt.problem)
         if solution.status in (Status.CANCELLED, Status.START_IN_ZONE):

@@ -54,14 +54,14 @@ def gentle_acceleration(settings: Settings, flying: Trajectory | None) -> float:
     if flying is not None:
         peak = float(np.max(np.linalg.norm(flying.angular_accelerations, axis=1)))
         gentle = max(gentle, peak)
-    if "acceleration" in settings.limits:
-        gentle = min(gentle, float(np.min(settings.limits["acceleration"])))
-    return gentle
+    limit = None if settings.limits is None else settings.limits.acceleration
+    return gentle if limit is None else min(gentle, float(np.min(limit)))
 
 
 def _stops(timeline: Timeline, settings: Settings, at_ns: int) -> Iterable[Timeline]:
     segment, start = timeline.segment_at(at_ns), timeline.at(at_ns)
-    assert segment is not None and start is not None  # the timeline is streamed from now on
+    assert segment is not None  # the timeline is streamed from now on
+    assert start is not None
     start = without_roll(start, settings)
     gentle = gentle_acceleration(settings, segment.trajectory)
     for stop in stops(start.quaternion, start.rate, start.acceleration, gentle):
@@ -69,12 +69,14 @@ def _stops(timeline: Timeline, settings: Settings, at_ns: int) -> Iterable[Timel
             yield timeline.spliced(Segment(at_ns, stop, Purpose.STOP))
 
 
-def _within_limits(trajectory: Trajectory, settings: Settings) -> bool:
-    limit = settings.limits.get("acceleration")
-    if limit is None:
+def _within_limits(stop: Trajectory, settings: Settings) -> bool:
+    """Whether a stop keeps the limits, or at least asks no more than its own start did."""
+    if settings.limits is None:
         return True
-    # What was flown before may have been at the limit, so the start is not held against a stop.
-    return bool(np.all(np.abs(trajectory.angular_accelerations[2:]) <= 1.05 * limit))
+    _, v, a = stop.evaluate(np.linspace(0.0, stop.duration, 101))
+    start = settings.limits.used(v[0], a[0])
+    used = settings.limits.used(v, a)
+    return all(part <= max(1.0, start[key]) + 1e-6 for key, part in used.items())
 
 
 def come_to_rest(timeline: Timeline, judge: Judge, settings: Settings, at_ns: int) -> Rescue | None:
@@ -91,7 +93,8 @@ def come_to_rest(timeline: Timeline, judge: Judge, settings: Settings, at_ns: in
 def leave(timeline: Timeline, judge: Judge, settings: Settings, at_ns: int) -> Rescue:
     """The shortest way to where everything is clear, from a time on."""
     segment, start = timeline.segment_at(at_ns), timeline.at(at_ns)
-    assert segment is not None and start is not None  # the timeline is streamed from now on
+    assert segment is not None  # the timeline is streamed from now on
+    assert start is not None
     candidate = timeline.spliced(way_out_segment(start, judge, settings, segment.trajectory))
     certified = judge.timeline(candidate).certified
     angle = math.degrees(_turn(candidate.last.trajectory))

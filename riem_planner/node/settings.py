@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riem_planner.errors import InvalidProblemError
+from riem_planner.limits import Limits
 from riem_planner.problem import S2, SO3, Space
 from riem_planner.validation import finite_array, unit_quaternion, unit_vector
 
@@ -58,7 +59,9 @@ class Specification:
     change: Change = "any time"
 
 
-def _number(name: str, default: float, description: str, least: float, most: float) -> Specification:
+def _number(
+    name: str, default: float, description: str, least: float, most: float
+) -> Specification:
     return Specification(name, "number", default, description, least, most)
 
 
@@ -104,7 +107,8 @@ SPECIFICATIONS: tuple[Specification, ...] = (
                   2, 10000),
     _number("planning_budget", 0.1, "deadline of a solve; a plan starts that far ahead [s]",
             0.005, 60.0),
-    _number("replan_gain", 0.2, "relative gain in cost that justifies changing class [1]", 0.0, 1.0),
+    _number("replan_gain", 0.2, "relative gain in cost that justifies changing class [1]",
+            0.0, 1.0),
     _number("tracking_bound", 0.02, "distance to the reference past which to warn [rad]",
             1e-6, math.pi),
     _number("input_timeout", 1.0, "a stamp older than it is stale [s]", 1e-3, 1e6),
@@ -128,7 +132,8 @@ ZONE_SPECIFICATIONS: tuple[Specification, ...] = (
                   "angular velocity in the reference frame; unset: estimated from messages [rad/s]",
                   -100.0, 100.0, lengths=(0, 3)),
     _number("timeout", 0.0, "age of data past which the zone grows; 0: never [s]", 0.0, 1e9),
-    _number("max_speed", 0.0, "at which the zone grows once its data is too old [rad/s]", 0.0, 100.0),
+    _number("max_speed", 0.0, "at which the zone grows once its data is too old [rad/s]",
+            0.0, 100.0),
 )
 
 
@@ -202,8 +207,7 @@ class Settings:
     reference_frame: str
     body_frame: str
     duration: float
-    limits: dict[str, Array]
-    inertia: Array | None
+    limits: Limits | None
     normalized_tension: float
     normalized_strength: float
     obstacle_radius: float
@@ -258,13 +262,16 @@ def _zone(name: str, values: Mapping[str, Any]) -> ZoneSettings:
     )
 
 
-def _limits(values: Mapping[str, Any]) -> dict[str, Array]:
-    limits = {}
+def _limits(values: Mapping[str, Any]) -> Limits | None:
+    limits: dict[str, Any] = {}
     for key in ("rate", "acceleration", "torque", "momentum"):
         value = _optional(values[f"limits.{key}"])
         if value is not None:
-            limits[key] = np.broadcast_to(np.asarray(value, dtype=float), (3,)).copy()
-    return limits
+            limits[key] = value[0] if isinstance(value, list) and len(value) == 1 else value
+    if not limits:
+        return None
+    inertia = _optional(values["inertia"])
+    return Limits(**limits, inertia=None if inertia is None else np.reshape(inertia, (3, 3)))
 
 
 def _check_zones(zones: tuple[ZoneSettings, ...]) -> None:
@@ -272,7 +279,7 @@ def _check_zones(zones: tuple[ZoneSettings, ...]) -> None:
         key = zone_parameter(zone.name, "kind")
         if zone.group is not None and zone.kind != "keep_in":
             raise InvalidProblemError(
-                key, f"only keep_in zones form groups, got {zone.kind} with a group; clear the group"
+                key, f"only keep_in zones form groups, got {zone.kind} with a group; clear it"
             )
         if zone.kind == "keep_in" and zone.half_angle == 0.0:
             raise InvalidProblemError(
@@ -304,11 +311,7 @@ def settings_from_values(values: Mapping[str, Any]) -> Settings:
     zones = tuple(_zone(name, values) for name in names)
     _check_zones(zones)
     limits = _limits(values)
-    inertia = _optional(values["inertia"])
-    for key in ("torque", "momentum"):
-        if key in limits and inertia is None:
-            raise InvalidProblemError(f"limits.{key}", "needs inertia, which is unset")
-    if values["duration"] == 0.0 and not limits:
+    if values["duration"] == 0.0 and limits is None:
         raise InvalidProblemError("duration", "0 is the least within limits, but none is set")
     goal = _optional(values["goal.orientation"])
     space = S2 if values["space"] == "s2" else SO3
@@ -319,9 +322,6 @@ def settings_from_values(values: Mapping[str, Any]) -> Settings:
         body_frame=values["body_frame"],
         duration=float(values["duration"]),
         limits=limits,
-        inertia=None
-        if inertia is None
-        else finite_array("inertia", np.reshape(inertia, (3, 3)), (3, 3)),
         normalized_tension=float(values["normalized_tension"]),
         normalized_strength=float(values["normalized_strength"]),
         obstacle_radius=float(values["obstacle_radius"]),

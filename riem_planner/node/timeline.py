@@ -108,7 +108,8 @@ class Timeline:
         before = self.at(segment.start_ns)
         if before is not None:
             first = segment.trajectory.quaternions_xyzw[0]
-            segment = replace(segment, sign=1.0 if float(before.quaternion @ first) >= 0.0 else -1.0)
+            same = float(before.quaternion @ first) >= 0.0
+            segment = replace(segment, sign=1.0 if same else -1.0)
         kept = tuple(old for old in self.segments if old.start_ns < segment.start_ns)
         return Timeline((*kept, segment))
 

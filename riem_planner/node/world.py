@@ -164,11 +164,13 @@ class World:
         angle = zone.half_angle + (growth if zone.kind == "keep_out" else -growth)
         angle = zone.half_angle if growth == 0.0 else min(max(angle, _LEAST), _MOST)
         strength = zone.normalized_strength
+        if strength is None:
+            strength = self._settings.normalized_strength
         return Zone(
             direction=direction,
             half_angle=angle,
             boresight=self._settings.boresight if zone.boresight is None else zone.boresight,
-            normalized_strength=self._settings.normalized_strength if strength is None else strength,
+            normalized_strength=strength,
             kind="keep_out" if zone.kind == "keep_out" else "keep_in",
             group=zone.group,
             rate=rate,
