@@ -13,10 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from riem_planner.extremals import snap
+from riem_planner.extremals import extremal, snap
 from riem_planner.geometry import so3, sphere
+from riem_planner.obstacles import Zone
 from riem_planner.obstacles.force import cross
-from riem_planner.problem import S2
+from riem_planner.plan import plan
+from riem_planner.problem import S2, Problem, State
 
 Array = NDArray[np.float64]
 
@@ -185,3 +187,32 @@ def corrected(example: Example, strength: float, obstacle: Array | None = None) 
     R = so3.quaternion_to_matrix(q / np.linalg.norm(q, axis=1, keepdims=True))
     ends = float(result.t[-1]) if result.status == 1 else math.inf
     return Curve(times, R @ BORESIGHT, R, ends)
+
+
+def boundary_value_problem(example: Example, strength: float | None = None) -> Problem:
+    """The example with the end states of its curve without the obstacle, which is on that curve.
+
+    Without a strength, the problem without the obstacle.
+    """
+    free = extremal(
+        S2, State(np.eye(3), example.v), example.a, example.j, tension=example.tension,
+        duration=example.duration,
+    )
+    R, v, _, _ = free.evaluate(np.array([example.obstacle_time, example.duration]))
+    obstacles = () if strength is None else (Zone(R[0, :, 0], 0.0, strength=strength, name="q"),)
+    return Problem(
+        start=State(np.eye(3), example.v),
+        goal=State(R[1], v[1] * [0.0, 1.0, 1.0]),
+        duration=example.duration,
+        space=S2,
+        tension=example.tension,
+        obstacles=obstacles,
+    )
+
+
+def planned(problem: Problem, samples: int = 601) -> Curve:
+    """The cheapest certified curve of a boundary-value problem, by `plan`."""
+    trajectory = plan(problem)
+    times = np.linspace(0.0, problem.duration, samples)
+    R = trajectory.evaluate(times)[0]
+    return Curve(times, R @ BORESIGHT, R)
