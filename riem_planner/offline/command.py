@@ -145,12 +145,12 @@ def _plan_one(options: argparse.Namespace) -> int:
 def _summary(plan: Plan) -> str:
     solution = plan.solution
     if plan.certificate is None or not plan.certified:
-        return f"no certified trajectory: {solution.message}; {solution.status.advice}"
+        return solution.message
     clearance = ", ".join(
         f"{name} {angle:.3g} deg" for name, angle in degrees(plan.certificate.clearance).items()
     )
     parts = [
-        f"certified in {1e3 * solution.solve_time:.3g} ms",
+        f"certified in {1e3 * solution.solve_time:.1f} ms",
         f"duration {plan.problem.duration:.6g} s",
         f"cost {solution.cost:.6g}",
         f"clearance {clearance}" if clearance else "no obstacles",

@@ -100,7 +100,7 @@ def _publish(problem: Problem, solution: Solution, samples: int) -> Plan:
         solution,
         status=Status.NO_CERTIFIED_TRAJECTORY,
         message=(
-            f"a certified trajectory was found, but not one of up to {(count + 1) // 2} even"
+            f"no certified trajectory: one was found, but none of up to {(count + 1) // 2} even"
             f" samples: {'; '.join(certificate.reasons)}; ask for more samples"
         ),
         trajectory=None,
