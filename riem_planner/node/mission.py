@@ -377,7 +377,9 @@ class Mission:
         for segment in proposal.segments:
             timeline = timeline.spliced(replace(segment, start_ns=segment.start_ns + shift))
         # A way out is no part of what can be certified; the plan that follows it is.
-        judged = Timeline(timeline.segments[-len(proposal.segments) :]) if self.leaving else timeline
+        judged = timeline
+        if self.leaving:
+            judged = Timeline(timeline.segments[-len(proposal.segments) :])
         verdict = Judge(self.world, self.settings, now_ns).timeline(judged)
         if verdict.certified:
             self._overtaken = 0
