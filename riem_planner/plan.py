@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,9 @@ from riem_planner.solver.setup import Setup, set_up
 from riem_planner.solver.watch import Interrupted, Watch
 from riem_planner.trajectory import Trajectory
 
+if TYPE_CHECKING:
+    from riem_planner.general import GeneralProblem, GeneralSolution
+
 Array = NDArray[np.float64]
 
 _MOST_RESULTS = 3  # extremals that are computed for one problem
@@ -37,6 +40,7 @@ _NOTE_CUT = (
 )
 
 
+@overload
 def solve(
     problem: Problem,
     *,
@@ -45,13 +49,29 @@ def solve(
     tolerance: float = 1e-8,
     warm_start: Trajectory | None = None,
     search: Literal["global", "local"] = "global",
-) -> Solution:
+) -> Solution: ...
+
+
+@overload
+def solve(problem: GeneralProblem, **options: Any) -> GeneralSolution: ...
+
+
+def solve(
+    problem: Problem | GeneralProblem,
+    *,
+    deadline: float | None = None,
+    should_stop: Callable[[], bool] | None = None,
+    tolerance: float = 1e-8,
+    warm_start: Trajectory | None = None,
+    search: Literal["global", "local"] = "global",
+) -> Solution | GeneralSolution:
     """Cheapest certified trajectory of a problem.
 
     Parameters
     ----------
     problem
-        What to solve.
+        What to solve; on a space given by its matrices a `GeneralProblem`, which is solved in
+        plain NumPy and SciPy, without a warm start.
     deadline
         Time limit for everything [s], by a steady clock.
     should_stop
@@ -68,8 +88,16 @@ def solve(
     Returns
     -------
     Solution
-        A value whatever happens: `status` says how it went and what to do about it.
+        A value whatever happens: `status` says how it went and what to do about it. Of a
+        `GeneralProblem` a `GeneralSolution`.
     """
+    if not isinstance(problem, Problem):
+        from riem_planner.general import solve_general  # slow to load, and seldom needed
+
+        return solve_general(
+            problem, deadline=deadline, should_stop=should_stop, tolerance=1e-3 * tolerance,
+            **({"detours": 0} if search == "local" else {}),
+        )  # fmt: skip
     watch = Watch(deadline, should_stop)
 
     def fixed(problem: Problem, near: Trajectory | None) -> Solution:
