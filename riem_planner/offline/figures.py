@@ -149,15 +149,22 @@ def draw(picture: Picture) -> Figure:
     for column, (obstacle, curves) in enumerate(parts):
         _draw_sphere(SphereView(axes[0, column], frame), _TITLES[column], obstacle, curves)
         _draw_distances(axes[1, column], picture.example, obstacle, curves)
-    bottom = min(axis.get_ylim()[0] for axis in axes[1])
+    least = min(
+        float(np.min(sphere.angle(curve.points, obstacle)))
+        for obstacle, curves in parts
+        for _, curve in curves[1:]
+    )
     for axis in axes[1]:
-        axis.set_ylim(bottom, 4.0)
+        # The curve without the obstacle meets it: its distance goes down without end.
+        axis.set_ylim(0.3 * least, 4.0)
     axes[1, 0].set_ylabel("angle to the obstacle [rad]", fontsize=9)
     handles, labels = axes[1, 0].get_legend_handles_labels()
-    dot, cross = axes[0, 0].plot([], [], "ko", ms=4)[0], axes[0, 0].plot([], [], "kx", ms=7)[0]
+    marks = {"start": "o", "obstacle q": "x", "thrown off: rate ten times the initial one": "v"}
+    for name, marker in marks.items():
+        handles += axes[0, 0].plot([], [], color="black", marker=marker, ms=6, linestyle="none")
+        labels.append(name)
     figure.legend(
-        [*handles, dot, cross], [*labels, "start", "obstacle q"],
-        loc="outside lower center", ncols=len(labels) + 2, fontsize=9, frameon=False,
+        handles, labels, loc="outside lower center", ncols=len(labels), fontsize=9, frameon=False
     )
     figure.suptitle(picture.title, fontsize=12)
     return figure
@@ -182,8 +189,10 @@ def _draw_axes(view: SphereView) -> None:
         view.point(axis, marker="+", markersize=7, color="0.35", zorder=3)
         place = view.project(axis)
         if axis @ view.frame[2] >= 0.0:
+            # Below the point in the upper half, so that no name reaches the title.
+            offset = (6, -12) if place[1] > 0.3 else (-18, -4) if place[1] < -0.3 else (6, 5)
             view.axes.annotate(
-                name, place, xytext=(5, 4), textcoords="offset points", color="0.3", fontsize=9,
+                name, place, xytext=offset, textcoords="offset points", color="0.3", fontsize=9,
                 zorder=8,
             )
 
@@ -196,11 +205,6 @@ def _draw_distances(
         axes.semilogy(curve.times, angle, label=label, **style)
         if np.isfinite(curve.ends):
             axes.plot(curve.times[-1], angle[-1], marker="v", ms=7, color=style["color"])
-    if any(np.isfinite(curve.ends) for _, curve in curves):
-        axes.text(
-            0.02, 0.03, "▾ thrown off: rate ten times the initial one", fontsize=8,
-            transform=axes.transAxes,
-        )
     axes.set_xlabel("time [s]", fontsize=9)
     axes.set_xlim(0.0, example.duration)
     axes.tick_params(labelsize=8)

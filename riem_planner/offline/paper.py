@@ -73,7 +73,7 @@ CUBIC = Example(
     a=np.array([0.0, -0.3, 0.5]),
     j=np.array([0.0, -1.0, 2.0]),
     tension=1.0,
-    duration=1.0,
+    duration=0.6,
     obstacle_time=0.3,
 )
 """Figures 2 and 3: the paper's initial data. It does not say where the obstacle is."""
