@@ -8,14 +8,17 @@ from __future__ import annotations
 import numpy as np
 
 from riem_planner.certificate.interval import (
+    all_finite,
     attitude,
     cross,
     derivatives,
     motion,
     motion_bounds,
+    norm,
     quaternion_times,
     quintic,
     rotated,
+    rows_finite,
     sample,
 )
 from riem_planner.compiled import inlined, kernel
@@ -43,13 +46,14 @@ def _angle_between(R, q):
 
 
 @inlined
-def _norm(x):
-    return np.sqrt(x[0] ** 2 + x[1] ** 2 + x[2] ** 2)
+def _dot(x, y):
+    return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
 
 
 @inlined
-def _dot(x, y):
-    return x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
+def _vector(a):
+    """The numbers of an array (3,)."""
+    return a[0], a[1], a[2]
 
 
 @inlined
@@ -57,7 +61,7 @@ def _attitude_error(q, v, R, u):
     """Distance [rad] of an attitude and its rate v to a state R, u."""
     return (
         _angle_between(R, q),
-        _norm((v[0] - u[0], v[1] - u[1], v[2] - u[2])),
+        norm((v[0] - u[0], v[1] - u[1], v[2] - u[2])),
     )
 
 
@@ -75,10 +79,10 @@ def _direction_error(q, v, R, u, b):
     """Distance [rad] of a pointing direction and its velocity to those of a state R, u."""
     x, y = rotated(q, b), _turned(R, b)
     x_1, y_1 = rotated(q, cross(v, b)), _turned(R, cross(u, b))
-    sine = _norm(cross(x, y))
+    sine = norm(cross(x, y))
     return (
         np.arctan2(sine, _dot(x, y)),
-        _norm((x_1[0] - y_1[0], x_1[1] - y_1[1], x_1[2] - y_1[2])),
+        norm((x_1[0] - y_1[0], x_1[1] - y_1[1], x_1[2] - y_1[2])),
     )
 
 
@@ -90,7 +94,7 @@ def _join_error(c, quaternions, rates, accelerations, k, h):
     q = sample(quaternions, k + 1)
     end = attitude(quaternions, c, k, h)
     r = quaternion_times((-q[0], -q[1], -q[2], q[3]), end)
-    error = 2.0 * np.arctan2(_norm(r), abs(r[3]))
+    error = 2.0 * np.arctan2(norm(r), abs(r[3]))
     for i in range(3):
         error = max(
             error,
@@ -103,12 +107,13 @@ def _join_error(c, quaternions, rates, accelerations, k, h):
 @inlined
 def _unexplained(c, rates, accelerations, k, h):
     """Turn [rad] from sample k to the next less that which rates and accelerations explain."""
+    turn = quintic(c, k, h)
     square = 0.0
     for i in range(3):
         explained = 0.5 * h * (rates[k, i] + rates[k + 1, i]) + h * h / 12 * (
             accelerations[k, i] - accelerations[k + 1, i]
         )
-        square += (quintic(c, k, i, h) - explained) ** 2
+        square += (turn[i] - explained) ** 2
     return np.sqrt(square)
 
 
@@ -117,7 +122,7 @@ def _turn(quaternions, k):
     """Angle [rad] from sample k to the next, past pi if the sign flips."""
     p, q = sample(quaternions, k), sample(quaternions, k + 1)
     r = quaternion_times((-p[0], -p[1], -p[2], p[3]), q)
-    return 2.0 * np.arctan2(_norm(r), r[3])
+    return 2.0 * np.arctan2(norm(r), r[3])
 
 
 @inlined
@@ -130,7 +135,7 @@ def _check_samples(result, quaternions, rates, boresight, sphere):
             square += quaternions[k, i] ** 2
         result[NORM] = max(result[NORM], abs(np.sqrt(square) - 1.0))
         v = (rates[k, 0], rates[k, 1], rates[k, 2])
-        fastest = max(fastest, _norm(v))
+        fastest = max(fastest, norm(v))
         if sphere:
             result[ROLL] = max(result[ROLL], abs(_dot(v, boresight)))
     return fastest
@@ -168,21 +173,21 @@ def examine_curve(times, quaternions, rates, accelerations, coefficients, ends, 
     `ends` are the start's attitude and rate and the goal's: (3, 3), (3,), (3, 3), (3,).
     """
     result = np.zeros(14)
-    total = np.sum(coefficients) + np.sum(quaternions) + np.sum(rates) + np.sum(accelerations)
-    # Not isfinite: it subtracts, and reassociation turns `(p + q) - (p + q)` into zero.
-    if not abs(total) < np.inf:
+    finite = rows_finite(quaternions) and rows_finite(rates) and rows_finite(accelerations)
+    if not (finite and all_finite(coefficients)):
         return result
     result[FINITE] = 1.0
     _check_intervals(
         result, times, quaternions, rates, accelerations, coefficients, boresight, sphere
     )
     last = times.size - 1
+    b = _vector(boresight)
     for end in range(2):
         q = sample(quaternions, end * last)
         v = (rates[end * last, 0], rates[end * last, 1], rates[end * last, 2])
-        R, u = (ends[0], ends[1]) if end == 0 else (ends[2], ends[3])
+        R, u = (ends[0], _vector(ends[1])) if end == 0 else (ends[2], _vector(ends[3]))
         if sphere:
-            error, rate_error = _direction_error(q, v, R, u, boresight)
+            error, rate_error = _direction_error(q, v, R, u, b)
         else:
             error, rate_error = _attitude_error(q, v, R, u)
         result[START + 2 * end], result[START_RATE + 2 * end] = error, rate_error

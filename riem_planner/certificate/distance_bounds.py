@@ -23,12 +23,15 @@ from __future__ import annotations
 import numpy as np
 
 from riem_planner.certificate.interval import (
+    all_finite,
     attitude,
     cross,
     motion_bounds,
+    norm,
     quaternion_of,
     quaternion_times,
     rotated,
+    rows_finite,
 )
 from riem_planner.compiled import inlined, kernel
 
@@ -56,18 +59,15 @@ def _distance(rows, i, q, t):
     x, y, z = rows[i, _RATE], rows[i, _RATE + 1], rows[i, _RATE + 2]
     if x != 0.0 or y != 0.0 or z != 0.0:
         # The frame that turns with the obstacle, in which it is fixed.
-        q = quaternion_times(quaternion_of(-x * t, -y * t, -z * t), q)
+        q = quaternion_times(quaternion_of((-x * t, -y * t, -z * t)), q)
     place = (rows[i, _PLACE], rows[i, _PLACE + 1], rows[i, _PLACE + 2])
     if rows[i, _KIND] == _ORIENTATION:
         p = quaternion_times((-place[0], -place[1], -place[2], rows[i, _PLACE + 3]), q)
-        return 2.0 * np.arctan2(np.sqrt(p[0] ** 2 + p[1] ** 2 + p[2] ** 2), abs(p[3]))
+        return 2.0 * np.arctan2(norm((p[0], p[1], p[2])), abs(p[3]))
     b = (rows[i, _BORESIGHT], rows[i, _BORESIGHT + 1], rows[i, _BORESIGHT + 2])
     x = rotated(q, b)
-    c = cross(x, place)
-    return np.arctan2(
-        np.sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]),
-        x[0] * place[0] + x[1] * place[1] + x[2] * place[2],
-    )
+    cosine = x[0] * place[0] + x[1] * place[1] + x[2] * place[2]
+    return np.arctan2(norm(cross(x, place)), cosine)
 
 
 @inlined
@@ -211,7 +211,9 @@ def bound_clearance(times, quaternions, coefficients, from_time, table, duration
     """
     rows = _packed(table, duration)
     n = rows.shape[0]
-    k_0 = min(max(np.searchsorted(times, from_time, side="right") - 1, 0), times.size - 2)
+    k_0 = 0
+    while k_0 < times.size - 2 and times[k_0 + 1] <= from_time:
+        k_0 += 1
     count = times.size - k_0
     bounds = np.empty((count - 1, 2))
     for m in range(count - 1):
@@ -219,23 +221,27 @@ def bound_clearance(times, quaternions, coefficients, from_time, table, duration
         h = times[k_0 + m + 1] - times[k_0 + m] - s
         bounds[m, 0], bounds[m, 1] = motion_bounds(coefficients, k_0 + m, s, h)
     work = (np.empty((count, n)), np.empty((_DEPTH + 1, n)), np.empty(_DEPTH + 1), np.empty(n))
-    finite = abs(np.sum(coefficients)) < np.inf and abs(np.sum(quaternions)) < np.inf
-    result = np.full((n, 3), np.nan)
+    finite = all_finite(coefficients) and rows_finite(quaternions)
+    result = np.empty((n, 3))
     sets = 0
-    first = 0
-    while first < n:
+    end = 0
+    for first in range(n):
+        if first < end:
+            continue
         end = first + 1
         while end < n and rows[first, _SIGN] < 0.0 and rows[end, _GROUP] == rows[first, _GROUP]:
             end += 1
+        result[sets, 0] = result[sets, 1] = result[sets, 2] = np.nan
         if finite:
             certified, least, worst = _bound_set(
                 first, end, rows, times, quaternions, coefficients, k_0, from_time, bounds, work
             )
+            turned = 0.0
+            for i in range(first, end):
+                turned = max(turned, rows[i, _SPEED] * (times[-1] - from_time))
             # A moving obstacle's angle is rounded by its size.
-            turned = np.sum(rows[first:end, _SPEED]) * (times[-1] - from_time)
             result[sets, 0] = certified - ROUNDING * (1.0 + 1e-3 * turned)
             result[sets, 1] = least
             result[sets, 2] = worst
         sets += 1
-        first = end
     return result[:sets]

@@ -32,8 +32,9 @@ def quaternion_times(p, q):
 
 
 @inlined
-def quaternion_of(x, y, z):
+def quaternion_of(xi):
     """Unit quaternion of a rotation vector [rad]."""
+    x, y, z = xi
     square = x * x + y * y + z * z
     if square < 1e-8:
         factor = 0.5 - square / 48.0
@@ -58,10 +59,12 @@ def rotated(q, b):
 
 
 @inlined
-def quintic(c, k, i, s):
-    """Component i of xi at time s after the sample."""
-    tail = c[k, 3, i] + s * (c[k, 4, i] + s * c[k, 5, i])
-    return s * (c[k, 1, i] + s * (c[k, 2, i] + s * tail))
+def quintic(c, k, s):
+    """The rotation vector xi at time s after sample k."""
+    a = b = d = 0.0
+    for i in range(5, 0, -1):
+        a, b, d = s * (a + c[k, i, 0]), s * (b + c[k, i, 1]), s * (d + c[k, i, 2])
+    return a, b, d
 
 
 @inlined
@@ -76,8 +79,7 @@ def attitude(quaternions, c, k, s):
     p = sample(quaternions, k)
     if s == 0.0:
         return p
-    turn = quaternion_of(quintic(c, k, 0, s), quintic(c, k, 1, s), quintic(c, k, 2, s))
-    return quaternion_times(p, turn)
+    return quaternion_times(p, quaternion_of(quintic(c, k, s)))
 
 
 @inlined
@@ -106,24 +108,17 @@ def motion_bounds(c, k, s, h):
 
 
 @inlined
-def _slope(c, k, i, s):
-    tail = 3 * c[k, 3, i] + s * (4 * c[k, 4, i] + s * 5 * c[k, 5, i])
-    return c[k, 1, i] + s * (2 * c[k, 2, i] + s * tail)
-
-
-@inlined
-def _second(c, k, i, s):
-    return 2 * c[k, 2, i] + s * (6 * c[k, 3, i] + s * (12 * c[k, 4, i] + s * 20 * c[k, 5, i]))
-
-
-@inlined
 def derivatives(c, k, s):
-    """xi, xi' and xi'' at time s after the sample."""
-    return (
-        (quintic(c, k, 0, s), quintic(c, k, 1, s), quintic(c, k, 2, s)),
-        (_slope(c, k, 0, s), _slope(c, k, 1, s), _slope(c, k, 2, s)),
-        (_second(c, k, 0, s), _second(c, k, 1, s), _second(c, k, 2, s)),
-    )
+    """xi, xi' and xi'' at time s after sample k."""
+    u = v = w = u_1 = v_1 = w_1 = 0.0
+    for i in range(5, 0, -1):
+        u_1, v_1, w_1 = s * u_1 + i * c[k, i, 0], s * v_1 + i * c[k, i, 1], s * w_1 + i * c[k, i, 2]
+    for i in range(5, 1, -1):
+        factor = i * (i - 1)
+        u = s * u + factor * c[k, i, 0]
+        v = s * v + factor * c[k, i, 1]
+        w = s * w + factor * c[k, i, 2]
+    return quintic(c, k, s), (u_1, v_1, w_1), (u, v, w)
 
 
 @inlined
@@ -168,3 +163,31 @@ def motion(xi, xi_1, xi_2):
         xi_2[2] - A * e[2] - A_1 * c[2] + B_1 * d[2] + B * (f[2] + g[2]),
     )
     return v, a
+
+
+@inlined
+def norm(x):
+    """Length of a vector."""
+    return np.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
+
+
+@inlined
+def all_finite(c):
+    """Whether an array of three dimensions holds no NaN and no infinity."""
+    total = 0.0
+    for k in range(c.shape[0]):
+        for i in range(c.shape[1]):
+            for j in range(c.shape[2]):
+                total += abs(c[k, i, j])
+    # Not isfinite: it subtracts, and reassociation may turn the difference of sums into zero.
+    return total < np.inf
+
+
+@inlined
+def rows_finite(a):
+    """Whether an array of two dimensions holds no NaN and no infinity."""
+    total = 0.0
+    for i in range(a.shape[0]):
+        for j in range(a.shape[1]):
+            total += abs(a[i, j])
+    return total < np.inf

@@ -20,7 +20,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from riem_planner.certificate.interval import cross, derivatives, motion, motion_bounds
+from riem_planner.certificate.interval import (
+    all_finite,
+    cross,
+    derivatives,
+    motion,
+    motion_bounds,
+    norm,
+)
 from riem_planner.compiled import inlined, kernel
 
 TIGHTNESS = 1e-4
@@ -104,7 +111,7 @@ def _part(quantity, c, k, s, J, reciprocals):
     v, a = motion(xi, xi_1, xi_2)
     f = _value(quantity, v, a, J)
     return max(
-        reciprocals[quantity, 0] * np.sqrt(f[0] ** 2 + f[1] ** 2 + f[2] ** 2),
+        reciprocals[quantity, 0] * norm(f),
         reciprocals[quantity, 1] * abs(f[0]),
         reciprocals[quantity, 2] * abs(f[1]),
         reciprocals[quantity, 3] * abs(f[2]),
@@ -158,15 +165,15 @@ def bound_limits(times, coefficients, J, J_largest, reciprocals):
 
     NaN where there is no limit, or the trajectory is not finite.
     """
-    result = np.full((4, 3), np.nan)
-    if not abs(np.sum(coefficients)) < np.inf:
-        return result
+    result = np.empty((4, 3))
+    finite = all_finite(coefficients)
     work = (np.empty(times.size), np.empty(_DEPTH + 1), np.empty(_DEPTH + 1))
     for quantity in range(4):
+        result[quantity, 0] = result[quantity, 1] = result[quantity, 2] = np.nan
         total = 0.0
         for i in range(4):
             total += reciprocals[quantity, i]
-        if total > 0.0:
+        if finite and total > 0.0:
             result[quantity, 0], result[quantity, 1], result[quantity, 2] = _bound_quantity(
                 quantity, times, coefficients, J, J_largest, reciprocals, work
             )
