@@ -136,7 +136,9 @@ def _draw_sphere(
     zone_axes = [o.direction for o in problem.obstacles if isinstance(o, Zone)]
     first = attitudes @ boresights[0][0]
     frames = view_frames(np.vstack([first, *[np.tile(axis, (40, 1)) for axis in zone_axes[:1]]]))
-    axes = figure.subplots(2, 1)
+    entries = min(len({_place(o) for o in problem.obstacles}), _MOST + 1) + len(boresights) + 3
+    ratios = (1.0, 1.0, 0.05 * math.ceil(entries / 2))
+    *axes, key_axes = figure.subplots(3, 1, gridspec_kw={"height_ratios": ratios})
     handles: list[Any] = []
     for view_axes, frame, title in zip(axes, frames, ("near side", "far side"), strict=True):
         view = SphereView(view_axes, frame)
@@ -152,9 +154,10 @@ def _draw_sphere(
             _mark_end(view, path[-1], "*", color)
             handles.append(Line2D([], [], color=color, marker=marker, markersize=3, label=name))
     handles += _end_handles()
-    figure.legend(
+    key_axes.set_axis_off()
+    key_axes.legend(
         handles=handles,
-        loc="outside lower center",
+        loc="center",
         ncols=2,
         columnspacing=1.2,
         fontsize=7.5,

@@ -85,8 +85,15 @@ class SphereView:
         if inside.max() <= 0.0:
             return
         if fill is not None:
-            self.axes.contourf(_SIDE, _SIDE, inside, levels=[0.0, 4.0], **fill).set_clip_path(rim)
-        self.axes.contour(_SIDE, _SIDE, inside, levels=[0.0], **edge).set_clip_path(rim)
+            _clip(self.axes.contourf(_SIDE, _SIDE, inside, levels=[0.0, 4.0], **fill), rim)
+        _clip(self.axes.contour(_SIDE, _SIDE, inside, levels=[0.0], **edge), rim)
+
+
+def _clip(contours: Any, rim: Any) -> None:
+    # Before Matplotlib 3.8 a set of contours is no artist itself.
+    artists = [contours] if hasattr(contours, "set_clip_path") else contours.collections
+    for artist in artists:
+        artist.set_clip_path(rim)
 
 
 _SIDE = np.linspace(-1.03, 1.03, 361)
