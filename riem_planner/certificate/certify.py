@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -101,12 +101,14 @@ def certify(
     trajectory
         What setpoints are sampled from.
     problem
-        What it has to fulfil.
+        What it has to fulfil; where its duration is automatic, that of the trajectory counts.
     limits
         What the spacecraft can do; by default the problem's.
     table
         `obstacle_table(problem)`, where it is at hand.
     """
+    if problem.has_auto_duration:
+        problem, table = replace(problem, duration=trajectory.duration), None
     start, goal = problem.start, problem.goal
     figures = curve.examine_curve(
         trajectory.times,

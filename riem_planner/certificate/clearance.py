@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -73,6 +73,8 @@ def certify_clearance(
         raise ValueError(
             f"from_time must lie in [0, {trajectory.duration:.9g}] s, got {from_time:.9g}"
         )
+    if problem.has_auto_duration:
+        problem, table = replace(problem, duration=trajectory.duration), None
     rows, names = obstacle_table(problem) if table is None else table
     result = bound_clearance(
         trajectory.times,

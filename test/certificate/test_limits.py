@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from curves import curve, problem_of, random_curve, slew
 
-from riem_planner import InvalidProblemError, Limits, Problem, State, Trajectory, certify
-from riem_planner.certificate import certify_limits
+from riem_planner import InvalidProblemError, Limits, Problem, State, Trajectory, Zone, certify
+from riem_planner.certificate import certify_clearance, certify_limits
 from riem_planner.certificate.limit_bounds import TIGHTNESS
 from riem_planner.geometry import so3
 
@@ -116,6 +116,20 @@ def test_the_problem_s_limits_count_unless_others_are_given():
     assert certificate.limit_margins["acceleration"] == pytest.approx(0.88, abs=1e-3)
     assert certify(trajectory, problem, Limits(rate=0.4)).certified
     assert certify(trajectory, problem_of(trajectory)).limit_margins == {}
+
+
+def test_with_an_automatic_duration_the_trajectory_s_own_counts():
+    trajectory = slew(rate=True)
+    moving = Zone([0, 0, 1], 0.5, [1, 0, 0], strength=1.0, rate=[0.01, 0, 0], name="moon")
+    fixed = problem_of(trajectory, (moving,), limits=Limits(rate=1.0), tension=0.5)
+    automatic = problem_of(
+        trajectory, (moving,), limits=Limits(rate=1.0), tension=0.5, duration="auto"
+    )
+    expected, certificate = certify(trajectory, fixed), certify(trajectory, automatic)
+    assert certificate.certified
+    assert certificate.clearance == expected.clearance
+    assert certificate.extremality == expected.extremality
+    assert certify_clearance(trajectory, automatic).clearance == expected.clearance
 
 
 def test_more_than_limits_stands_against_a_bad_end():
