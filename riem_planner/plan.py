@@ -21,7 +21,7 @@ from riem_planner.solution import Alternative, Solution, Status
 from riem_planner.solver.curves import crosses_cut
 from riem_planner.solver.descent import positive_definite
 from riem_planner.solver.extremal import Extremal, extremal_near
-from riem_planner.solver.search import Curve, global_search, local_search
+from riem_planner.solver.search import Curve, Search, global_search, local_search
 from riem_planner.solver.setup import Setup, set_up
 from riem_planner.solver.watch import Interrupted, Watch
 from riem_planner.trajectory import Trajectory
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _MOST_RESULTS = 3  # extremals that are computed for one problem
+_FINER = (0.3, 0.12)  # of the mesh density's integral between nodes, where shooting failed
 _CUT_SAMPLES = 100  # an interval, for the part of the cost that rounding the cut locus hides
 _NOTE_CUT = (
     "the trajectory passes the cut locus of an obstacle (distance pi), where the plain potential"
@@ -175,11 +176,8 @@ def _solve(
     refusal = _end_in_zone(problem, setup)
     if refusal is not None:
         return refusal
-    if local:
-        curves = local_search(setup, watch, warm_start)
-    else:
-        curves = global_search(setup, watch, warm_start)
-    return _best(problem, setup, curves, tolerance, watch)
+    found = (local_search if local else global_search)(setup, watch, warm_start)
+    return _best(problem, setup, found, tolerance, watch)
 
 
 def _end_in_zone(problem: Problem, setup: Setup) -> Solution | None:
@@ -201,14 +199,14 @@ def _end_in_zone(problem: Problem, setup: Setup) -> Solution | None:
 
 
 def _best(
-    problem: Problem, setup: Setup, curves: list[Curve], tolerance: float, watch: Watch
+    problem: Problem, setup: Setup, found: Search, tolerance: float, watch: Watch
 ) -> Solution:
     """The cheapest certified extremal near the curves, the others as alternatives."""
     extremals: list[Extremal] = []
-    for curve in curves:
+    for curve in found.minima:
         if len(extremals) == _MOST_RESULTS:
             break
-        extremal = extremal_near(setup, curve.times, curve.q, tolerance, watch)
+        extremal = _extremal(setup, found, curve, tolerance, watch)
         if extremal is not None and not any(_same(extremal, other) for other in extremals):
             extremals.append(extremal)
     extremals.sort(key=lambda extremal: extremal.cost)
@@ -262,6 +260,19 @@ def _best(
         solve_time=watch.elapsed,
         notes=tuple(notes),
     )
+
+
+def _extremal(
+    setup: Setup, found: Search, curve: Curve, tolerance: float, watch: Watch
+) -> Extremal | None:
+    """The extremal near a curve; where Newton's method fails, near the curve on finer nodes."""
+    extremal = extremal_near(setup, curve.times, curve.q, tolerance, watch)
+    for finer in _FINER:
+        if extremal is not None:
+            break
+        curve = found.finer(curve, finer)
+        extremal = extremal_near(setup, curve.times, curve.q, tolerance, watch, 2.0 * finer)
+    return extremal
 
 
 def _same(first: Extremal, second: Extremal) -> bool:

@@ -35,7 +35,9 @@ CUT_WIDTH = 0.1
 """Within this distance [rad] of the cut locus, d = pi, the kink of d is rounded off, so that the
 potential is C^5; the potential as stated differs there only."""
 
-_UNION_WIDTH = 0.05  # rad, of the smooth maximum that stands in for a violated keep-in group
+# Width of the smooth maximum that stands in for a keep-in group that may be violated: a share of
+# the margin `soft`, so that what it gives away shrinks with that, and at most some rad.
+_UNION_SHARE, _UNION_MOST = 0.5, 0.05
 _ORIENTATION, _KEEP_OUT = 0, 1
 
 
@@ -172,6 +174,7 @@ def potential(table, time, x, y, z, w, soft):
     n = table.shape[0]
     # Sums over the members of the present keep-in group: weights, gradient, Hessian.
     group = -1.0
+    width = min(_UNION_SHARE * soft, _UNION_MOST)
     top, weight, tau_group = -np.inf, 0.0, 0.0
     g0, g1, g2 = 0.0, 0.0, 0.0
     h00, h01, h02, h11, h12, h22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -238,14 +241,14 @@ def potential(table, time, x, y, z, w, soft):
         # Weights of its gradient and of the square of its gradient in the group's sums.
         if soft > 0.0:
             if m > top:
-                rescale = np.exp((top - m) / _UNION_WIDTH)
+                rescale = np.exp((top - m) / width)
                 weight *= rescale
                 g0, g1, g2 = g0 * rescale, g1 * rescale, g2 * rescale
                 h00, h01, h02 = h00 * rescale, h01 * rescale, h02 * rescale
                 h11, h12, h22 = h11 * rescale, h12 * rescale, h22 * rescale
                 top = m
-            once = np.exp((m - top) / _UNION_WIDTH)
-            twice = once / _UNION_WIDTH
+            once = np.exp((m - top) / width)
+            twice = once / width
             weight += once
             tau_group = max(tau_group, tau)
         elif m > 0.0:
@@ -267,7 +270,7 @@ def potential(table, time, x, y, z, w, soft):
             continue
         # The last member: V by the sums. `first` multiplies the sums, `second` g g^T.
         if soft > 0.0:
-            M = top + _UNION_WIDTH * np.log(weight)
+            M = top + width * np.log(weight)
             edge = max(M, soft)
             V_edge = tau_group / (edge * edge)
             V_M, V_MM = -2.0 * V_edge / edge, 6.0 * V_edge / (edge * edge)
@@ -275,7 +278,7 @@ def potential(table, time, x, y, z, w, soft):
             V = V_edge + du * (V_M + 0.5 * du * V_MM)
             V_M += du * V_MM
             first = V_M / weight
-            second = (V_MM - V_M / _UNION_WIDTH) / (weight * weight)
+            second = (V_MM - V_M / width) / (weight * weight)
         elif weight > 0.0:
             V = 1.0 / np.sqrt(weight)
             first = -2.0 * V / weight

@@ -18,7 +18,7 @@ _MOST_NEWTON_STEPS = 16
 _DIVERGED = 2.5  # rad of one Newton step
 _NEAR = 0.03  # rad; below it the defects are measured by half steps
 _MOST_MESHES = 6
-_INTERVAL = 0.95  # of the mesh density's integral, on the first mesh
+INTERVAL = 0.95  # of the mesh density's integral, on the first mesh
 _LEAST_INTERVALS, _MOST_INTERVALS = 10, 160
 _MOST_BISECTED = 600
 # Halving a step divides the error of an 8th-order method by 256; half of that is claimed. Where a
@@ -49,7 +49,7 @@ class Extremal:
 
 
 def extremal_near(
-    setup: Setup, times: Array, q: Array, tolerance: float, watch: Watch
+    setup: Setup, times: Array, q: Array, tolerance: float, watch: Watch, interval: float = INTERVAL
 ) -> Extremal | None:
     """Extremal near a discretised curve, or None where Newton's method finds none.
 
@@ -63,10 +63,12 @@ def extremal_near(
         Attitudes.
     tolerance
         [rad], and relative for the cost.
+    interval
+        Share of the mesh density's integral that an interval of the first mesh spans.
     """
     mesh, states = mesh_and_states(
         setup.pointing, setup.table, times, setup.lifted(q), setup.start, setup.goal,
-        _INTERVAL, _LEAST_INTERVALS, _MOST_INTERVALS,
+        interval, _LEAST_INTERVALS, _MOST_INTERVALS,
     )  # fmt: skip
     result = None
     for _ in range(_MOST_MESHES):

@@ -27,6 +27,7 @@ _NODE_ANGLE = 0.15  # rad of a first guess between nodes
 _SOFT_POINTS = (0.35, 0.1, 0.03)
 _SOFT_ZONES = (1.0, 0.5, 0.25, 0.1, 0.05, 0.02)
 _SOFT_LAST = (0.01, 0.003)
+_SOFT_AGAIN = (0.1, 0.03)
 _SOFT_WARM = (0.05,)
 _ROUGH, _FINE = 1e-2, 1e-5
 _COARSE = 0.7  # angle between nodes over the margin, above which the curve is made finer
@@ -90,7 +91,6 @@ class Search:
     ) -> tuple[Curve | None, bool]:
         """Descend while the potentials harden; the exact minimum, and whether a saddle was left."""
         memory = np.zeros(2)
-        cost = np.inf
         for soft in (*softs, *_SOFT_LAST):
             self._stage(self.times, q, soft, _ROUGH, side, memory)
             exact = self._cost(q, 0.0)
@@ -98,27 +98,26 @@ class Search:
                 break
         else:
             return None, memory[1] > 0.0
-        times = self.times
-        cost = self._stage(times, q, 0.0, _FINE, side, memory)
+        curve = Curve(self.times, q, self._stage(self.times, q, 0.0, _FINE, side, memory))
         for interval in _FINER:
-            if np.isfinite(cost) and curves.coarseness(self.setup.table, times, q) < _COARSE:
+            finite = np.isfinite(curve.cost)
+            if finite and curves.coarseness(self.setup.table, curve.times, curve.q) < _COARSE:
                 break
-            times, q = self._regraded(times, q, interval)
-            for soft in _SOFT_LAST:
-                self._stage(times, q, soft, _ROUGH, side, memory)
-            cost = self._stage(times, q, 0.0, _FINE, side, memory)
-        if not np.isfinite(cost):
-            return None, memory[1] > 0.0
-        return Curve(times, q, cost), memory[1] > 0.0
+            curve = self.finer(curve, interval)
+        return (curve if np.isfinite(curve.cost) else None), memory[1] > 0.0
 
-    def _regraded(self, times: Array, q: Array, interval: float) -> tuple[Array, Array]:
+    def finer(self, curve: Curve, interval: float) -> Curve:
+        """The curve on nodes that span `interval` of the mesh density's integral each."""
         s = self.setup
         times, states = curves.mesh_and_states(
-            s.pointing, s.table, times, s.lifted(q), s.start, s.goal,
-            interval, _NODES_LEAST, _NODES_FINE,
+            s.pointing, s.table, curve.times, s.lifted(curve.q), s.start, s.goal,
+            interval, curve.times.size, _NODES_FINE,
         )  # fmt: skip
-        finer = np.ascontiguousarray(states[:, :4])
-        return times, s.with_goal(finer)
+        q = s.with_goal(np.ascontiguousarray(states[:, :4]))
+        memory = np.zeros(2)
+        for soft in (*_SOFT_AGAIN, *_SOFT_LAST):
+            self._stage(times, q, soft, _ROUGH, 1.0, memory)
+        return Curve(times, q, self._stage(times, q, 0.0, _FINE, 1.0, memory))
 
     def _cost(self, q: Array, soft: float) -> float:
         return float(self._descend(self.times, q, soft, 0.0, 1.0, 0, np.zeros(2))[0])
@@ -162,7 +161,7 @@ class Search:
                 q = self.reflected(best, i)
                 if q is None:
                     continue
-                self.add(q, _SOFT_POINTS[1:])
+                self.add(q, _SOFT_AGAIN)
                 most -= 1
                 if most == 0 or self.minima[0] is not best:
                     break
@@ -198,7 +197,7 @@ def first_guesses(setup: Setup) -> tuple[Array, list[Array], Array]:
     return times, guesses, costs
 
 
-def global_search(setup: Setup, watch: Watch, warm_start: Trajectory | None) -> list[Curve]:
+def global_search(setup: Setup, watch: Watch, warm_start: Trajectory | None) -> Search:
     """Minima of the classes that are worth a try, cheapest first."""
     times, guesses, costs = first_guesses(setup)
     found = Search(setup, watch, times)
@@ -209,10 +208,10 @@ def global_search(setup: Setup, watch: Watch, warm_start: Trajectory | None) -> 
         if not found.minima or cost < _HOPELESS * found.minima[0].cost:
             found.add(q, found.softs)
     found.cross_obstacles(_MOST_DESCENTS - len(guesses))
-    return found.minima
+    return found
 
 
-def local_search(setup: Setup, watch: Watch, warm_start: Trajectory | None) -> list[Curve]:
+def local_search(setup: Setup, watch: Watch, warm_start: Trajectory | None) -> Search:
     """The minimum of one class: that of the warm start, or the straightest."""
     times, guesses, _ = first_guesses(setup)
     found = Search(setup, watch, times)
@@ -222,7 +221,7 @@ def local_search(setup: Setup, watch: Watch, warm_start: Trajectory | None) -> l
         if found.minima:
             break
         found.add(q, found.softs)
-    return found.minima
+    return found
 
 
 def warm_guess(setup: Setup, trajectory: Trajectory, times: Array) -> Array:
