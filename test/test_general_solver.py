@@ -4,9 +4,18 @@
 import numpy as np
 import pytest
 
-from riem_planner import InvalidProblemError, Status
+from riem_planner import (
+    S2,
+    InvalidProblemError,
+    OrientationObstacle,
+    Problem,
+    State,
+    Status,
+    Zone,
+    solve,
+)
 from riem_planner.general import GeneralProblem, GeneralState, PointObstacle, solve_general
-from riem_planner.geometry import so3
+from riem_planner.geometry import so3, sphere
 from riem_planner.geometry.lie_groups import (
     CompactGroup,
     euclidean,
@@ -126,6 +135,39 @@ def test_clearance_is_a_lower_bound():
 def test_solves_are_the_same_bits():
     problem = stated(unit_sphere(3))
     assert solved(problem).cost == solved(problem).cost
+
+
+def test_so3_compiled_and_general_solutions_agree():
+    zone = OrientationObstacle(so3.exp(XQ), 0.05, radius=0.02)
+    problem = Problem(
+        State(np.eye(3), V0), State(so3.exp(X1), V1), 2.0, tension=0.5, obstacles=(zone,)
+    )
+    compiled = solve(problem, tolerance=1e-11)
+    general = solve(stated(special_orthogonal(3)), search="local")
+    assert general.cost == pytest.approx(compiled.cost, rel=1e-9)
+    t = compiled.trajectory.times
+    mine, theirs = general.trajectory.evaluate(t), compiled.trajectory.evaluate(t)
+    assert so3.distance(mine[0], theirs[0]).max() < 1e-9
+    np.testing.assert_allclose(mine[1], theirs[1], atol=1e-9)
+
+
+def test_s2_compiled_and_general_solutions_agree():
+    start, goal, place = (so3.exp([0, *x]) for x in ([0.4, 0.2], [-0.7, 1.2], [-0.1, 0.75]))
+    problem = Problem(
+        State(start, [0, 0.5, 0.3]), State(goal, [0, -0.2, 0.6]), 2.0, space=S2, tension=0.5,
+        obstacles=(Zone(place[:, 0], 0.05, strength=0.05),),
+    )
+    same = GeneralProblem(
+        unit_sphere(2), GeneralState(start, [0.5, 0.3]), GeneralState(goal, [-0.2, 0.6]), 2.0,
+        0.5, (PointObstacle(place, 0.05, 0.05),),
+    )
+    compiled, general = solve(problem, tolerance=1e-11), solve(same, search="local")
+    assert general.cost == pytest.approx(compiled.cost, rel=1e-9)
+    t = compiled.trajectory.times
+    mine, theirs = general.trajectory.evaluate(t), compiled.trajectory.evaluate(t)
+    assert sphere.angle(mine[0][:, :, 0], theirs[0][:, :, 0]).max() < 1e-9
+    # Both lifts are horizontal and start at the same attitude: they agree as attitudes.
+    np.testing.assert_allclose(mine[0], theirs[0], atol=1e-9)
 
 
 # A new compact group in a few lines: Sp(n), the unitary matrices with U^T J U = J.

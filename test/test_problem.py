@@ -83,7 +83,7 @@ def test_wrong_states(make, message):
         (lambda: Zone([1, 0, 0], 0.0, strength=1.0, kind="keep_in"), "half_angle: .* keep_in"),
         (lambda: Zone([1, 0, 0], 0.1, strength=1.0, group="g"), "group: only keep_in"),
         (lambda: Zone([1, 0, 0], 0.1, strength=1.0, range=(0.05, 1.0)), "range: .* radius < on"),
-        (lambda: Zone([1, 0, 0], 1, strength=1.0, kind="keep_in", range=(2, 3)), "range: .*keep_in"),
+        (lambda: Zone([1, 0, 0], 1, strength=1, kind="keep_in", range=(2, 3)), "range: .*keep_in"),
     ],
 )
 def test_wrong_obstacles(make, message):

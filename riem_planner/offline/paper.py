@@ -140,7 +140,8 @@ def paper_literal(example: Example, strength: float, lift: Array | None = None) 
         v, a, j = v + h * a, a + h * j, j + h * snap
         attitudes.append(R)
     R = np.stack(attitudes)
-    return Curve(h * np.arange(steps + 1), R @ BORESIGHT, R)
+    times: Array = h * np.arange(steps + 1, dtype=float)
+    return Curve(times, R @ BORESIGHT, R)
 
 
 def paper_obstacle(example: Example, time: float | None = None) -> tuple[Array, Array]:
