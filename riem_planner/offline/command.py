@@ -28,7 +28,8 @@ from riem_planner.plan import warm_up
 from riem_planner.solution import Status
 
 SOLVED, WRONG_FILE, NO_TRAJECTORY, INTERRUPTED = 0, 2, 3, 130
-_WRONG_LINES = (batch.INVALID, Status.START_IN_ZONE.name, Status.GOAL_IN_ZONE.name)
+# What makes a file a wrong one; where zones move, that may show only once the duration is found.
+_WRONG = (batch.INVALID, Status.START_IN_ZONE.name, Status.GOAL_IN_ZONE.name)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -139,6 +140,8 @@ def _plan_one(options: argparse.Namespace) -> int:
 
         plot_plan(plan.problem, plan.trajectory, options.plot, plan.certificate)
     _say(f"{options.problem}: {_summary(plan)}")
+    if plan.solution.status.name in _WRONG:
+        return WRONG_FILE
     return SOLVED if plan.certified else NO_TRAJECTORY
 
 
@@ -187,7 +190,7 @@ def _stream_batch(options: argparse.Namespace, stream: TextIO, total: int) -> in
             bar.update()
     stream.flush()
     _say(", ".join(f"{count} {status}" for status, count in sorted(statuses.items())))
-    if any(statuses[status] for status in _WRONG_LINES):
+    if any(statuses[status] for status in _WRONG):
         return WRONG_FILE
     return SOLVED if statuses[Status.SOLVED.name] == total else NO_TRAJECTORY
 

@@ -11,9 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from riem_planner.offline import batch, command
+from riem_planner.offline import batch, command, planning
 from riem_planner.offline.batch import plan_line
 from riem_planner.offline.output import partial_path, whole_file
+from riem_planner.solution import Solution, Status
 
 ROOT = Path(__file__).resolve().parents[2]
 TEXTBOOK = ROOT / "config/problems/textbook.jsonl"
@@ -181,6 +182,13 @@ def test_start_in_a_zone_is_code_2(tmp_path, capsys):
     path.write_text(json.dumps(document), encoding="utf-8")
     assert command.main([str(path)]) == command.WRONG_FILE
     assert "start.orientation: [0.0, 0.0, 0.0, 1.0] is" in capsys.readouterr().err
+
+
+def test_goal_in_a_zone_found_only_by_the_solve_is_code_2(problem, monkeypatch):
+    # As with `duration: auto`, where a moving zone's place at the end is not known beforehand.
+    refusal = Solution(Status.GOAL_IN_ZONE, "the goal is inside the zone")
+    monkeypatch.setattr(planning, "solve", lambda *_, **__: refusal)
+    assert command.main([str(problem)]) == command.WRONG_FILE
 
 
 def test_sealed_off_goal_is_code_3_and_never_written_as_certified(tmp_path, capsys):
