@@ -280,7 +280,8 @@ class PlannerNode(LifecycleNode):
             with self._lock:
                 now_ns = self.now_ns()
                 timeline = self.mission.timeline
-            if not timeline or timeline.resting(now_ns):
+            # The last setpoint says that it is at rest, so that a controller knows.
+            if not timeline or timeline.resting(min(now_ns, self._last_stamp)):
                 return
             if now_ns != last_ns:
                 last_ns, since = now_ns, time.monotonic()

@@ -1,0 +1,165 @@
+"""A planner node and a client node in one process, each with all topics at hand."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseArray, PoseStamped, QuaternionStamped, Vector3Stamped
+from nav_msgs.msg import Odometry
+from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import Imu
+from simulation import discontinuities
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import MultiDOFJointTrajectory
+from visualization_msgs.msg import MarkerArray
+
+from msg_adapters import geometry
+from msg_adapters.trajectory import samples_from_reference
+from riem_planner.node.planner_node import PlannerNode
+from riem_planner.node.timeline import Setpoint
+
+FRAME, BODY = "inertial", "base_link"
+OUTPUTS = {
+    "trajectory": (PoseArray, True),
+    "reference": (MultiDOFJointTrajectory, True),
+    "markers": (MarkerArray, True),
+    "status": (DiagnosticStatus, True),
+    "setpoint": (MultiDOFJointTrajectory, False),
+    "attitude_setpoint": (QuaternionStamped, False),
+}
+INPUTS = {
+    "goal": PoseStamped,
+    "goal_state": Odometry,
+    "state": Odometry,
+    "imu": Imu,
+    "obstacles": PoseArray,
+}
+
+
+class Bench:
+    """Node under test and client, each with its executor, in a context of their own."""
+
+    def __init__(self, zones, values):
+        self.context = Context()
+        rclpy.init(context=self.context)
+        overrides = [Parameter("zone_names", value=list(zones))] if zones else []
+        for name, value in {"duration": 4.0, **values}.items():
+            zone, _, key = name.partition("__")
+            full = f"zones.{zone}.{key}" if key else name.replace("_DOT_", ".")
+            overrides.append(Parameter(full, value=value))
+        self.node = PlannerNode(context=self.context, parameter_overrides=overrides)
+        self.client = Node("client", context=self.context)
+        self.heard = {name: [] for name in [*OUTPUTS, "diagnostics"]}
+        for name, (kind, latched) in OUTPUTS.items():
+            self._listen(kind, f"/riem_planner/{name}", name, latched)
+        self._listen(DiagnosticArray, "/diagnostics", "diagnostics", False)
+        kinds = {**INPUTS, **{f"zones/{zone}": Vector3Stamped for zone in zones}}
+        self.publishers = {
+            name: self.client.create_publisher(kind, f"/riem_planner/{name}", 1)
+            for name, kind in kinds.items()
+        }
+        self.executors = [
+            MultiThreadedExecutor(num_threads=3, context=self.context),
+            SingleThreadedExecutor(context=self.context),
+        ]
+        self.threads = []
+        for executor, node in zip(self.executors, (self.node, self.client), strict=True):
+            executor.add_node(node)
+            thread = threading.Thread(target=self._spin, args=(executor,), daemon=True)
+            thread.start()
+            self.threads.append(thread)
+        self.failure = None
+
+    def _spin(self, executor):
+        try:
+            executor.spin()
+        except ExternalShutdownException:
+            pass
+        except Exception as error:  # shown by `close`
+            self.failure = error
+
+    def _listen(self, kind, topic, name, latched):
+        durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+        qos = QoSProfile(depth=10, durability=durability)
+        self.client.create_subscription(kind, topic, self.heard[name].append, qos)
+
+    def state(self):
+        """Lifecycle state of the node."""
+        return self.node._state_machine.current_state[1]
+
+    def wait(self, condition, seconds=5.0):
+        """Wait until something is so; fails if it does not become so."""
+        end = time.monotonic() + seconds
+        while not condition():
+            assert self.failure is None, self.failure
+            assert time.monotonic() < end, "waited in vain"
+            time.sleep(0.005)
+
+    def send(self, name, message):
+        """Publish, once the node listens."""
+        publisher = self.publishers[name]
+        self.wait(lambda: publisher.get_subscription_count() > 0)
+        publisher.publish(message)
+
+    def goal(self, quaternion, stamp_ns=0, frame=FRAME):
+        """Send a goal."""
+        q = np.asarray(quaternion, dtype=float)
+        self.send("goal", geometry.pose_from_attitude(q, stamp_ns, frame))
+
+    def zone(self, name, direction, stamp_ns=0):
+        """Send the direction of a zone."""
+        d = np.asarray(direction, dtype=float)
+        self.send(f"zones/{name}", geometry.vector_from_direction(d, stamp_ns, FRAME))
+
+    def codes(self):
+        """Codes of all that came on ~/status."""
+        return [item.value for m in self.heard["status"] for item in m.values if item.key == "code"]
+
+    def call(self, kind, name, request=None, seconds=10.0):
+        """Call a service of the node."""
+        client = self.client.create_client(kind, f"/riem_planner/{name}")
+        assert client.wait_for_service(timeout_sec=5.0)
+        future = client.call_async(request or kind.Request())
+        self.wait(future.done, seconds)
+        self.client.destroy_client(client)
+        return future.result()
+
+    def trigger(self, name):
+        """Call ~/replan, ~/cancel or ~/execute."""
+        return self.call(Trigger, name)
+
+    def setpoints(self):
+        """All setpoints heard, as the core knows them."""
+        found = []
+        for message in list(self.heard["setpoint"]):
+            samples, stamp_ns = samples_from_reference(message)
+            found.append(
+                Setpoint(
+                    stamp_ns, samples.quaternions[0], samples.rates[0], samples.accelerations[0]
+                )
+            )
+        return found
+
+    def check_continuity(self):
+        """No jump in anything that was heard."""
+        # Messages carry unit quaternions that the reader normalises once more.
+        assert not discontinuities(self.setpoints(), 2e-9)
+
+    def close(self):
+        """End everything, in the order that leaves nothing behind."""
+        for executor in self.executors:
+            executor.shutdown(timeout_sec=2.0)
+        for thread in self.threads:
+            thread.join(2.0)
+        self.node.close()
+        self.client.destroy_node()
+        self.context.try_shutdown()
+        assert self.failure is None, self.failure
