@@ -453,6 +453,8 @@ class Mission:
         except InvalidProblemError as error:
             self._fail(str(error), now_ns)
             return
+        if reason is Reason.GAIN and attempts[0].warm_start is None:
+            return  # what is left is too short to gain anything
         deadline = ahead * 1e-9 * 0.9
         if fresh:
             deadline = max(deadline, 1.0)  # nothing is late before the stream begins

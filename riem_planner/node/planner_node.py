@@ -151,6 +151,7 @@ class PlannerNode(LifecycleNode):
     def _create_services(self) -> None:
         def trigger(call: Callable[[int], tuple[bool, str]]) -> Callable[[Any, Any], Any]:
             def answer(_: Any, response: Trigger.Response) -> Trigger.Response:
+                response.message = "a fault; see the log"
                 with self.calls() as now_ns:
                     response.success, response.message = call(now_ns)
                 return response
@@ -337,10 +338,16 @@ class PlannerNode(LifecycleNode):
 
     @contextmanager
     def calls(self) -> Iterator[int]:
-        """Call the mission at the time given, then publish what came of it."""
+        """Call the mission at the time given, then publish what came of it.
+
+        A fault in a call is told and ends there: what was certified before is streamed on.
+        """
         with self._lock:
-            yield self.now_ns()
-            self._follow_up()
+            try:
+                yield self.now_ns()
+                self._follow_up()
+            except Exception as error:
+                self._fault(f"{type(error).__name__}: {error}")
 
     def _follow_up(self) -> None:
         mission = self.mission
@@ -364,7 +371,7 @@ class PlannerNode(LifecycleNode):
 
     def _fault(self, sentence: str) -> None:
         if not self._closing:
-            self.get_logger().error(f"fault beside the stream: {sentence}")
+            self.get_logger().error(f"fault, the stream goes on: {sentence}")
 
     def _take_results(self) -> None:
         with self.calls() as now_ns:
