@@ -163,7 +163,7 @@ def test_warnings_are_errors():
     block = re.search(r"^filterwarnings = \[(.*?)^\]", text, re.DOTALL | re.MULTILINE).group(1)
     filters = re.findall(r'"(.*)"', block)
     assert filters[0] == "error"
-    assert all("sre_" in line for line in filters[1:])
+    assert all("sre_" in line or "dateutil" in line for line in filters[1:])  # not ours
 
 
 def test_make_names_every_promised_command():
