@@ -21,7 +21,7 @@ from riem_planner.solution import Alternative, Solution, Status
 from riem_planner.solver.curves import crosses_cut
 from riem_planner.solver.descent import positive_definite
 from riem_planner.solver.extremal import Extremal, extremal_near
-from riem_planner.solver.search import Curve, Search, global_search, local_search
+from riem_planner.solver.search import Curve, Search, global_search, local_search, roadmap_search
 from riem_planner.solver.setup import Setup, set_up
 from riem_planner.solver.watch import Interrupted, Watch
 from riem_planner.trajectory import Trajectory
@@ -33,6 +33,7 @@ Array = NDArray[np.float64]
 
 _MOST_RESULTS = 3  # extremals that are computed for one problem
 _FINER = (0.3, 0.12)  # of the mesh density's integral between nodes, where shooting failed
+_ROADMAP_TIME = 0.5  # s that the last resort may take
 _CUT_SAMPLES = 100  # an interval, for the part of the cost that rounding the cut locus hides
 _NOTE_CUT = (
     "the trajectory passes the cut locus of an obstacle (distance pi), where the plain potential"
@@ -177,7 +178,10 @@ def _solve(
     if refusal is not None:
         return refusal
     found = (local_search if local else global_search)(setup, watch, warm_start)
-    return _best(problem, setup, found, tolerance, watch)
+    solution = _best(problem, setup, found, tolerance, watch)
+    if local or solution.solved or not watch.has_time_for(_ROADMAP_TIME):
+        return solution
+    return _best(problem, setup, roadmap_search(setup, watch), tolerance, watch)
 
 
 def _end_in_zone(problem: Problem, setup: Setup) -> Solution | None:

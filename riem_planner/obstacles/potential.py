@@ -356,3 +356,26 @@ def row_margins(table, time, q):
         d = towards(table, i, time, q[0], q[1], q[2], q[3])[0]
         out[i] = d - table[i, RADIUS] if table[i, GROUP] < 0.0 else table[i, RADIUS] - d
     return out
+
+
+@kernel
+def margins_along(table, time, q):
+    """Least margin of attitudes (n, 4) to all forbidden sets at a time [rad], (n,).
+
+    Of a keep-in group the best member counts.
+    """
+    out = np.empty(q.shape[0])
+    n = table.shape[0]
+    for k in range(q.shape[0]):
+        least, inside = np.inf, -np.inf
+        for i in range(n):
+            d = towards(table, i, time, q[k, 0], q[k, 1], q[k, 2], q[k, 3])[0]
+            if table[i, GROUP] < 0.0:
+                least = min(least, d - table[i, RADIUS])
+                continue
+            inside = max(inside, table[i, RADIUS] - d)
+            if i + 1 == n or table[i + 1, GROUP] != table[i, GROUP]:
+                least = min(least, inside)
+                inside = -np.inf
+        out[k] = least
+    return out

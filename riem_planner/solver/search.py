@@ -16,6 +16,7 @@ from riem_planner.geometry import so3
 from riem_planner.obstacles.table import RADIUS
 from riem_planner.solver import curves
 from riem_planner.solver.descent import descend
+from riem_planner.solver.roadmap import roadmap_curves
 from riem_planner.solver.setup import Setup
 from riem_planner.solver.watch import Watch
 from riem_planner.trajectory import Trajectory
@@ -29,6 +30,7 @@ _SOFT_ZONES = (1.0, 0.5, 0.25, 0.1, 0.05, 0.02)
 _SOFT_LAST = (0.01, 0.003)
 _SOFT_AGAIN = (0.1, 0.03)
 _SOFT_WARM = (0.05,)
+_SOFT_PATH = (0.01, 0.02)
 _ROUGH, _FINE = 1e-2, 1e-5
 _COARSE = 0.7  # angle between nodes over the margin, above which the curve is made finer
 _FINER = (0.5, 0.25)  # of the mesh density's integral between nodes
@@ -113,11 +115,16 @@ class Search:
             s.pointing, s.table, curve.times, s.lifted(curve.q), s.start, s.goal,
             interval, curve.times.size, _NODES_FINE,
         )  # fmt: skip
-        q = s.with_goal(np.ascontiguousarray(states[:, :4]))
-        memory = np.zeros(2)
-        for soft in (*_SOFT_AGAIN, *_SOFT_LAST):
-            self._stage(times, q, soft, _ROUGH, 1.0, memory)
-        return Curve(times, q, self._stage(times, q, 0.0, _FINE, 1.0, memory))
+        begin = s.with_goal(np.ascontiguousarray(states[:, :4]))
+        # Softer potentials only where hard ones fail: they let a curve slip out of a narrow gap.
+        for softs in ((), _SOFT_AGAIN):
+            q, memory = begin.copy(), np.zeros(2)
+            for soft in (*softs, *_SOFT_LAST):
+                self._stage(times, q, soft, _ROUGH, 1.0, memory)
+            cost = self._stage(times, q, 0.0, _FINE, 1.0, memory)
+            if np.isfinite(cost):
+                break
+        return Curve(times, q, cost)
 
     def _cost(self, q: Array, soft: float) -> float:
         return float(self._descend(self.times, q, soft, 0.0, 1.0, 0, np.zeros(2))[0])
@@ -245,3 +252,14 @@ def warm_guess(setup: Setup, trajectory: Trajectory, times: Array) -> Array:
 
 def _turn_to(q: Array, target: Array) -> Array:
     return so3.quaternion_log(so3.quaternion_multiply(so3.quaternion_conjugate(q), target))
+
+
+def roadmap_search(setup: Setup, watch: Watch) -> Search:
+    """Minima near shortest paths over a grid, for clutter where every smooth guess fails."""
+    times, paths = roadmap_curves(setup, watch)
+    found = Search(setup, watch, times)
+    for q in paths:
+        for soft in _SOFT_PATH:
+            if found.add(q.copy(), (soft,)):
+                break
+    return found

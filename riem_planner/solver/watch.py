@@ -45,6 +45,10 @@ class Watch:
         """Time since the start [s]."""
         return time.monotonic() - self._begin
 
+    def has_time_for(self, seconds: float) -> bool:
+        """Whether the deadline is further off than that."""
+        return self._end is None or time.monotonic() + seconds < self._end
+
     def count(self, iterations: int = 1) -> None:
         """Add iterations, and stop if it is time.
 
