@@ -319,3 +319,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     print(f"wrote figure1.png, figure2.png, figure3.png, problem.png, table.csv, table.md to"
           f" {directory}")  # fmt: skip
     return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
