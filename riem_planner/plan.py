@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
@@ -16,7 +17,8 @@ from riem_planner.duration import advised, solve_auto
 from riem_planner.errors import PlanningError
 from riem_planner.geometry import so3
 from riem_planner.obstacles.potential import rounding, row_margins
-from riem_planner.problem import S2, Problem, State
+from riem_planner.obstacles import Zone
+from riem_planner.problem import S2, SO3, Problem, State
 from riem_planner.solution import Alternative, Solution, Status
 from riem_planner.solver.curves import crosses_cut
 from riem_planner.solver.descent import positive_definite
@@ -75,7 +77,8 @@ def solve(
         What to solve; on a space given by its matrices a `GeneralProblem`, which is solved in
         plain NumPy and SciPy, without a warm start.
     deadline
-        Time limit for everything [s], by a steady clock.
+        Time limit for everything [s], by a steady clock; but for the first solve of a process,
+        which loads the compiled code before (0.6 s), or compiles it where it never ran.
     should_stop
         Called between iterations; true withdraws the request.
     tolerance
@@ -100,6 +103,7 @@ def solve(
             problem, deadline=deadline, should_stop=should_stop, tolerance=1e-3 * tolerance,
             **({"detours": 0} if search == "local" else {}),
         )  # fmt: skip
+    _load_kernels()
     watch = Watch(deadline, should_stop)
 
     def fixed(problem: Problem, near: Trajectory | None) -> Solution:
@@ -158,16 +162,18 @@ def warm_up(notify: Callable[[str], None] | None = None) -> None:
     notify
         Receives a message if compilation takes a while.
     """
-    from riem_planner.obstacles import Zone
-
     with announced(notify or (lambda _: None)):
-        for space in (Problem.__dataclass_fields__["space"].default, S2):
-            zone = Zone([0.0, 1.0, 0.3], 0.1, normalized_strength=0.01)
-            start, goal = (
-                State.from_direction([1.0, 0.0, 0.0]),
-                State.from_direction([-0.6, 0.8, 0.0]),
-            )
-            solve(Problem(start, goal, 1.0, space, obstacles=(zone,)))
+        _load_kernels()
+
+
+@cache
+def _load_kernels() -> None:
+    """Solve a small problem of each space, so that all compiled code is in memory."""
+    zone = Zone(np.array([0.0, 1.0, 0.3]), 0.1, normalized_strength=0.01)
+    start, goal = (State.from_direction(x) for x in ([1.0, 0.0, 0.0], [-0.6, 0.8, 0.0]))
+    for space in (SO3, S2):
+        problem = Problem(start, goal, 1.0, space, obstacles=(zone,))
+        _solve(problem, Watch(None, None), 1e-8, None, False)
 
 
 def _solve(
