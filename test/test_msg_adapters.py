@@ -143,8 +143,8 @@ def test_bad_pose_arrays_are_refused_whole():
             orientations_from_cdr(data, "inertial", 10)
     with pytest.raises(MessageError, match="at most 1"):
         orientations_from_cdr(good, "inertial", 1)
+    bad = cdr_from_orientations(np.array([ODD, 2 * ODD]), STAMP, "inertial")
     with pytest.raises(MessageError, match=r"poses\[1\]"):
-        bad = cdr_from_orientations(np.array([ODD, 2 * ODD]), STAMP, "inertial")
         orientations_from_cdr(bad, "inertial", 10)
     with pytest.raises(MessageError, match="frame_id"):
         orientations_from_cdr(good, "other", 10)

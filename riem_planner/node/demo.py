@@ -241,7 +241,8 @@ def _show(
     if node.poll() is not None and not stop.is_set():
         print("the node ended before the slew did", file=sys.stderr)
         return 1
-    print(f"{listener.setpoints} setpoints; the end is held; picture: {picture}")
+    ending = "stopped before the end" if stop.is_set() else "the end is held"
+    print(f"{listener.setpoints} setpoints; {ending}; picture: {picture}")
     return 0
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 import time
 from collections import deque
@@ -39,6 +40,7 @@ from riem_planner.node.mission import BACKWARD_NS, FORWARD_NS, Event, Level, Mis
 from riem_planner.node.parameters import Parameters
 from riem_planner.node.planning import Goal, Result
 from riem_planner.node.settings import Settings
+from riem_planner.node.streamer import Streamer
 from riem_planner.node.worker import Worker
 from riem_planner.plan import warm_up
 
@@ -163,14 +165,12 @@ class PlannerNode(LifecycleNode):
         self.create_service(Trigger, "~/execute", trigger(lambda now: self.mission.execute(now)))
 
     def _create_timers(self) -> None:
-        self._stream_group = MutuallyExclusiveCallbackGroup()
-        self._stream_timer = self.create_timer(
-            1.0 / self.settings.setpoint_rate, self._stream, callback_group=self._stream_group
+        self._streamer = Streamer(
+            self._stream, lambda: self.settings.period_ns, self._simulated_ns, self._fault
         )
         self._tick_timer = self.create_timer(TICK, self._tick)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._health_timer = self.create_timer(1.0, self._report_health, clock=steady)
-        self._stream_timer.cancel()
         self._tick_timer.cancel()
         if self.get_parameter("autostart").value:
             self._start_timer = self.create_timer(
@@ -247,12 +247,16 @@ class PlannerNode(LifecycleNode):
                 return False
         if failures:
             self.get_logger().error(f"the solver can't be loaded: {failures[0]}")
+        # The compiler leaves a million objects; to look through them again and again would stop
+        # the stream for a tenth of a second each time.
+        gc.collect()
+        gc.freeze()
         return not failures
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Begin to plan and to stream."""
         result = super().on_activate(state)
-        self._stream_timer.reset()
+        self._streamer.start()
         self._tick_timer.reset()
         with self.calls() as now_ns:
             self.mission.activate(now_ns)
@@ -292,7 +296,7 @@ class PlannerNode(LifecycleNode):
             time.sleep(0.02)
 
     def _stop_timers(self) -> None:
-        self._stream_timer.cancel()
+        self._streamer.stop()
         self._tick_timer.cancel()
         self._watch.pause()
 
@@ -325,7 +329,8 @@ class PlannerNode(LifecycleNode):
     def close(self) -> bool:
         """End the worker and the node; whether nothing is left that can't be interrupted."""
         self._closing = True
-        ended = self._worker.close(0.3)
+        ended = self._streamer.close(0.3)
+        ended = self._worker.close(0.3) and ended
         with suppress(InvalidHandle):  # another thread may be in the middle of a call
             self.destroy_node()
         return ended
@@ -335,6 +340,10 @@ class PlannerNode(LifecycleNode):
     def now_ns(self) -> int:
         """The node's clock [ns]."""
         return int(self.get_clock().now().nanoseconds)
+
+    def _simulated_ns(self) -> int | None:
+        clock = self.get_clock()
+        return int(clock.now().nanoseconds) if clock.ros_time_is_active else None
 
     @contextmanager
     def calls(self) -> Iterator[int]:
@@ -360,7 +369,6 @@ class PlannerNode(LifecycleNode):
             self._tell(event)
 
     def _changed(self, settings: Settings) -> None:
-        self._stream_timer.timer_period_ns = settings.period_ns
         with self.calls() as now_ns:
             self.mission.configure(settings, now_ns)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from riem_planner.node.mission import Mission
@@ -101,7 +103,7 @@ def discontinuities(setpoints, tolerance=1e-9):
     from riem_planner.geometry import so3
 
     found = []
-    for before, after in zip(setpoints[:-1], setpoints[1:], strict=True):
+    for before, after in pairwise(setpoints):
         h = (after.stamp_ns - before.stamp_ns) * 1e-9
         if float(before.quaternion @ after.quaternion) < 0.0:
             found.append((before, after, "sign"))

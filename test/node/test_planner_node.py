@@ -209,11 +209,10 @@ def test_bad_messages_are_rejected_whole_named_and_change_nothing(ros):
     bench.goal(Z_TURN)
     bench.wait(lambda: "FLYING" in bench.codes())
     flown = bench.node.mission.timeline.last
-    sent = 0
-    for name, message, field in _bad_messages(bench.node.now_ns()):
+    rejections = bench.node._rejections
+    bad = _bad_messages(bench.node.now_ns())
+    for sent, (name, message, field) in enumerate(bad, start=1):
         bench.send(name, message)
-        sent += 1
-        rejections = bench.node._rejections
         bench.wait(lambda n=sent: sum(rejections.counts.values()) == n)
         assert field in rejections.last[f"~/{name}"]
     bench.wait(lambda: any("rejected" in m.message for m in bench.heard["status"]))
