@@ -66,6 +66,7 @@ class Bench:
             name: self.client.create_publisher(kind, f"/riem_planner/{name}", 1)
             for name, kind in kinds.items()
         }
+        self.clients = {}
         self.executors = [
             MultiThreadedExecutor(num_threads=3, context=self.context),
             SingleThreadedExecutor(context=self.context),
@@ -125,11 +126,12 @@ class Bench:
 
     def call(self, kind, name, request=None, seconds=10.0):
         """Call a service of the node."""
-        client = self.client.create_client(kind, f"/riem_planner/{name}")
-        assert client.wait_for_service(timeout_sec=5.0)
+        if name not in self.clients:
+            self.clients[name] = self.client.create_client(kind, f"/riem_planner/{name}")
+        client = self.clients[name]
+        self.wait(client.service_is_ready, 10.0)
         future = client.call_async(request or kind.Request())
         self.wait(future.done, seconds)
-        self.client.destroy_client(client)
         return future.result()
 
     def trigger(self, name):

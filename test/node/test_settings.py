@@ -92,3 +92,13 @@ def test_unset_is_none_and_a_scalar_limit_is_of_the_norm():
     assert given.goal_orientation is None
     assert given.limits.rate == 0.1
     assert settings().limits is None
+
+
+def test_the_rviz_configuration_shows_the_topics_of_the_node():
+    shown = yaml.safe_load(PLANNER.with_name("planner.rviz").read_text())
+    displays = shown["Visualization Manager"]["Displays"]
+    topics = {d["Topic"]["Value"]: d["Topic"] for d in displays if "Topic" in d}
+    assert {"/riem_planner/markers", "/riem_planner/trajectory"} <= topics.keys()
+    assert topics["/riem_planner/markers"]["Durability Policy"] == "Transient Local"
+    frame = shown["Visualization Manager"]["Global Options"]["Fixed Frame"]
+    assert frame == settings().reference_frame
