@@ -48,14 +48,18 @@ def main(arguments: list[str] | None = None) -> int:
     executor = MultiThreadedExecutor(num_threads=3)
     executor.add_node(node)
 
+    faults: list[BaseException] = []
+
     def spin() -> None:
         try:
             executor.spin()
         except ExternalShutdownException:
             pass
         except BaseException as error:
-            get_logger("riem_planner").fatal(f"{type(error).__name__}: {error}")
-            raise
+            # While it is being shut down an executor may stumble over what is gone already.
+            if not stop.is_set():
+                faults.append(error)
+                get_logger("riem_planner").fatal(f"{type(error).__name__}: {error}")
         finally:
             stop.set()
 
@@ -63,12 +67,11 @@ def main(arguments: list[str] | None = None) -> int:
     spinning.start()
     while not stop.wait(0.5):
         pass
-    failed = not spinning.is_alive() and rclpy.ok()
     executor.shutdown(timeout_sec=STOP_WITHIN)
     spinning.join(STOP_WITHIN)
     ended = node.close()
     rclpy.try_shutdown()
-    code = 1 if failed else 0
+    code = 1 if faults else 0
     if not ended or spinning.is_alive():
         # A compilation can't be interrupted, and tearing down beneath it would crash.
         sys.stdout.flush()

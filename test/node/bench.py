@@ -67,6 +67,8 @@ class Bench:
             for name, kind in kinds.items()
         }
         self.clients = {}
+        self.closing = False
+        self.failure = None
         self.executors = [
             MultiThreadedExecutor(num_threads=3, context=self.context),
             SingleThreadedExecutor(context=self.context),
@@ -77,15 +79,15 @@ class Bench:
             thread = threading.Thread(target=self._spin, args=(executor,), daemon=True)
             thread.start()
             self.threads.append(thread)
-        self.failure = None
 
     def _spin(self, executor):
         try:
             executor.spin()
         except ExternalShutdownException:
             pass
-        except Exception as error:  # shown by `close`
-            self.failure = error
+        except Exception as error:
+            if not self.closing:  # an executor may stumble over what is being destroyed
+                self.failure = error
 
     def _listen(self, kind, topic, name, latched):
         durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
@@ -157,6 +159,7 @@ class Bench:
 
     def close(self):
         """End everything, in the order that leaves nothing behind."""
+        self.closing = True
         for executor in self.executors:
             executor.shutdown(timeout_sec=2.0)
         for thread in self.threads:
