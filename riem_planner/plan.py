@@ -57,7 +57,15 @@ def solve(
 
 
 @overload
-def solve(problem: GeneralProblem, **options: Any) -> GeneralSolution: ...
+def solve(
+    problem: GeneralProblem,
+    *,
+    deadline: float | None = None,
+    should_stop: Callable[[], bool] | None = None,
+    tolerance: float = 1e-8,
+    warm_start: None = None,
+    search: Literal["global", "local"] = "global",
+) -> GeneralSolution: ...
 
 
 def solve(

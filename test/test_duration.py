@@ -131,6 +131,42 @@ def test_no_duration_a_scan_finds_is_shorter(kind, seed):
     agrees_with_a_scan(random_problem(seed, kind), 0.005)
 
 
+def least_is_sharp(problem):
+    solution = solve(problem)
+    T = solution.trajectory.duration
+    assert solution.solved
+    assert 0.0 <= min(solution.certificate.limit_margins.values()) < 0.02
+    assert solve(replace(problem, duration=0.99 * T)).status is Status.LIMITS_EXCEEDED
+    return T
+
+
+def test_with_tension_the_path_depends_on_the_duration():
+    # Tension flattens the rate, so the least duration is below the cubic's.
+    problem = Problem(REST, about_z(2.0), "auto", tension=0.05, limits=Limits(rate=0.1))
+    assert 20.0 < least_is_sharp(problem) < 0.9 * 30.0
+
+
+def test_with_a_moving_zone_the_path_depends_on_the_duration():
+    # How far the zone has come when the boresight passes decides how wide the detour is, and
+    # the slow axis y how long that takes.
+    zone = Zone(
+        [0.5, 0.8, 0.1], 0.3, [1.0, 0.0, 0.0], normalized_strength=0.01, rate=[0.0, 0.0, -0.01]
+    )
+    limits = Limits(rate=[0.1, 0.01, 0.1])
+    least_is_sharp(Problem(REST, about_z(2.0), "auto", obstacles=(zone,), limits=limits))
+
+
+def test_a_costlier_class_of_paths_may_be_the_quicker_one():
+    # The cheap way round the zone turns about the slow axis x, the long way round does not.
+    zone = Zone([math.cos(1.3), math.sin(1.3), 0.1], 0.5, [1.0, 0.0, 0.0], normalized_strength=0.3)
+    limits = Limits(rate=[0.002, 0.1, 0.1])
+    problem = Problem(REST, about_z(2.6), "auto", obstacles=(zone,), limits=limits)
+    long_way = 2.0 * math.pi - 2.6
+    assert least_is_sharp(problem) == pytest.approx(1.5 * long_way / 0.1, rel=0.01)
+    cheapest = solve(replace(problem, duration=100.0, limits=None)).trajectory
+    assert np.max(np.abs(cheapest.angular_velocities[:, 0])) > 0.002
+
+
 @pytest.mark.soak
 def test_no_duration_a_scan_finds_is_shorter_on_100_problems():
     for seed in range(25):
@@ -176,6 +212,14 @@ def test_a_start_in_a_zone_is_that_with_any_duration():
             REST, about_z(1.0), "auto", obstacles=(zone,), limits=Limits(rate=0.1), tension=tension
         )
         assert solve(problem).status is Status.START_IN_ZONE
+        durations = []
+
+        def counted(each, near, durations=durations):
+            durations.append(each.duration)
+            return solve(each, warm_start=near)
+
+        assert least_duration(problem, counted).failure.status is Status.START_IN_ZONE
+        assert len(durations) == 1
 
 
 def test_deadline_and_cancellation_are_kept_while_the_duration_is_searched():
