@@ -87,7 +87,7 @@ def _multiply(p, q):  # type: ignore[no-untyped-def]
 
 def quaternion_conjugate(quaternion: ArrayLike) -> Array:
     """Inverse of a unit quaternion (..., 4)."""
-    return np.asarray(quaternion, dtype=float) * np.array([-1.0, -1.0, -1.0, 1.0])
+    return np.asarray(np.asarray(quaternion, dtype=float) * np.array([-1.0, -1.0, -1.0, 1.0]))
 
 
 def quaternion_exp(rotation_vector: ArrayLike) -> Array:
@@ -108,7 +108,7 @@ def quaternion_log(quaternion: ArrayLike) -> Array:
     sine = np.linalg.norm(vector, axis=-1, keepdims=True)
     angle = 2.0 * np.arctan2(sine, scalar)
     safe = np.where(sine > 0.0, sine, 1.0)
-    return np.where(sine > 0.0, angle / safe, 2.0) * vector
+    return np.asarray(np.where(sine > 0.0, angle / safe, 2.0) * vector)
 
 
 def quaternion_to_matrix(quaternion: ArrayLike) -> Array:
@@ -215,7 +215,7 @@ def right_jacobian_inverse(rotation_vector: ArrayLike) -> Array:
     coefficient = np.where(angle > _SERIES, exact, series)
     skew = hat(xi)
     identity = np.broadcast_to(np.eye(3), skew.shape)
-    return identity + 0.5 * skew + coefficient[..., None, None] * (skew @ skew)
+    return np.asarray(identity + 0.5 * skew + coefficient[..., None, None] * (skew @ skew))
 
 
 def minimal_rotation(start: ArrayLike, end: ArrayLike) -> Array:
@@ -238,4 +238,4 @@ def minimal_rotation(start: ArrayLike, end: ArrayLike) -> Array:
     degenerate = (norm < 1e-15) & (cosine < 0.5)
     axis = np.where(degenerate, fallback, axis / np.where(norm > 0.0, norm, 1.0))
     quaternion = np.concatenate([sine * axis, cosine], axis=-1)
-    return quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True)
+    return np.asarray(quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True))
