@@ -92,6 +92,7 @@ def plan_lines(lines: Iterable[Line], *, samples: int, jobs: int) -> Iterator[Pl
 
 
 def _plan_in_processes(lines: Iterator[Line], samples: int, jobs: int) -> Iterator[PlannedLine]:
+    others = multiprocessing.active_children()
     # Not by fork: threads of the numerical libraries would be copied in mid-flight.
     pool = ProcessPoolExecutor(
         jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_worker
@@ -104,6 +105,12 @@ def _plan_in_processes(lines: Iterator[Line], samples: int, jobs: int) -> Iterat
             if not waiting:
                 return
             yield from waiting.popleft().result()
+    except BaseException:
+        # Nobody waits for the lines under way any more, nor for a kernel that is being compiled.
+        for worker in multiprocessing.active_children():
+            if worker not in others:
+                worker.terminate()
+        raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
 
