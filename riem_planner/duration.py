@@ -24,7 +24,7 @@ from riem_planner.geometry import so3
 from riem_planner.limits import Limits
 from riem_planner.problem import S2, Problem
 from riem_planner.solution import Solution, Status
-from riem_planner.solver.watch import Interrupted
+from riem_planner.solver.watch import InterruptedSolveError
 from riem_planner.trajectory import Trajectory
 
 Solve = Callable[[Problem, Trajectory | None], Solution]
@@ -83,7 +83,7 @@ def advised(problem: Problem, refused: Solution, solve: Solve) -> Solution:
     """A solution that was refused for its limits, with the least duration that would not be."""
     try:
         found = least_duration(problem, solve)
-    except Interrupted as interruption:
+    except InterruptedSolveError as interruption:
         if interruption.status is Status.CANCELLED:
             raise
         return refused

@@ -16,8 +16,8 @@ from riem_planner.compiled import announced
 from riem_planner.duration import advised, solve_auto
 from riem_planner.errors import PlanningError
 from riem_planner.geometry import so3
-from riem_planner.obstacles.potential import rounding, row_margins
 from riem_planner.obstacles import Zone
+from riem_planner.obstacles.potential import rounding, row_margins
 from riem_planner.problem import S2, SO3, Problem, State
 from riem_planner.solution import Alternative, Solution, Status
 from riem_planner.solver.curves import crosses_cut
@@ -25,7 +25,7 @@ from riem_planner.solver.descent import positive_definite
 from riem_planner.solver.extremal import Extremal, extremal_near
 from riem_planner.solver.search import Curve, Search, global_search, local_search, roadmap_search
 from riem_planner.solver.setup import Setup, set_up
-from riem_planner.solver.watch import Interrupted, Watch
+from riem_planner.solver.watch import InterruptedSolveError, Watch
 from riem_planner.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ def solve(
         if solution.status is Status.LIMITS_EXCEEDED:
             return advised(problem, solution, fixed)
         return solution
-    except Interrupted as interruption:
+    except InterruptedSolveError as interruption:
         status = interruption.status
         what = "the deadline passed" if status is Status.OUT_OF_TIME else "cancelled"
         return Solution(
@@ -193,7 +193,9 @@ def _solve(
         return refusal
     found = (local_search if local else global_search)(setup, watch, warm_start)
     solution = _best(problem, setup, found, tolerance, watch)
-    if local or solution.solved or not watch.has_time_for(_ROADMAP_TIME):
+    # Where only limits are broken there are paths enough, and the answer is a longer duration.
+    settled = solution.solved or solution.status is Status.LIMITS_EXCEEDED
+    if local or settled or not watch.has_time_for(_ROADMAP_TIME):
         return solution
     return _best(problem, setup, roadmap_search(setup, watch), tolerance, watch)
 
@@ -298,10 +300,12 @@ def _same(first: Extremal, second: Extremal) -> bool:
 
 
 def _is_minimum(setup: Setup, extremal: Extremal) -> bool:
-    q = np.ascontiguousarray(extremal.states[:, :4])
+    # Every other sample: on finer meshes rounding, not the problem, decides.
+    times = np.ascontiguousarray(extremal.times[::2])
+    q = np.ascontiguousarray(extremal.states[::2, :4])
     return bool(
         positive_definite(
-            setup.pointing, setup.table, setup.sigma, extremal.times, setup.with_goal(q),
+            setup.pointing, setup.table, setup.sigma, times, setup.with_goal(q),
             setup.start[4:], setup.goal[4:],
         )
     )  # fmt: skip

@@ -55,8 +55,9 @@ class Trajectory:
             values = np.array(getattr(self, key), dtype=float)
             if values.shape != (times.size, width) or not np.all(np.isfinite(values)):
                 raise InvalidProblemError(
-                    key, f"expected finite numbers of shape {(times.size, width)},"
-                    f" got shape {values.shape}"
+                    key,
+                    f"expected finite numbers of shape {(times.size, width)},"
+                    f" got shape {values.shape}",
                 )
             object.__setattr__(self, key, frozen(values))
         coefficients = fit_quintics(

@@ -11,9 +11,7 @@ Array = NDArray[np.float64]
 def angle(first: ArrayLike, second: ArrayLike) -> Array:
     """Angle in [0, pi] [rad] between vectors (..., 3) of any non-zero length."""
     x, y = np.asarray(first, dtype=float), np.asarray(second, dtype=float)
-    return np.asarray(
-        np.arctan2(np.linalg.norm(np.cross(x, y), axis=-1), np.sum(x * y, axis=-1))
-    )
+    return np.asarray(np.arctan2(np.linalg.norm(np.cross(x, y), axis=-1), np.sum(x * y, axis=-1)))
 
 
 def exp(point: ArrayLike, tangent: ArrayLike) -> Array:

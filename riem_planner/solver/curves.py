@@ -7,23 +7,9 @@ import numpy as np
 from riem_planner.compiled import inlined, kernel
 from riem_planner.obstacles.potential import CUT_WIDTH, potential, towards
 from riem_planner.obstacles.table import GROUP, RADIUS, RANGE_ON, RATE
-from riem_planner.solver.descent import turn
+from riem_planner.solver.quaternions import relative, turn
 
 _NEAR = 1.2  # rad from its edge, within which an obstacle has another side worth a try
-
-
-@inlined
-def _relative(p, q, out):
-    """out = rotation vector of p^-1 q, the shorter way."""
-    x = p[3] * q[0] - q[3] * p[0] - (p[1] * q[2] - p[2] * q[1])
-    y = p[3] * q[1] - q[3] * p[1] - (p[2] * q[0] - p[0] * q[2])
-    z = p[3] * q[2] - q[3] * p[2] - (p[0] * q[1] - p[1] * q[0])
-    w = p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]
-    if w < 0.0:
-        x, y, z, w = -x, -y, -z, -w
-    s = np.sqrt(x * x + y * y + z * z)
-    f = 2.0 * np.arctan2(s, w) / s if s > 0.0 else 2.0
-    out[0], out[1], out[2] = f * x, f * y, f * z
 
 
 @kernel
@@ -97,7 +83,7 @@ def mesh_and_states(pointing, table, times, q, start, goal, interval, least, mos
     density = np.empty(n + 1)
     for k in range(n + 1):
         low, high = max(k - 1, 0), min(k + 1, n)
-        _relative(q[low], q[high], xi)
+        relative(q[low], q[high], xi)
         speed = np.sqrt(xi[0] ** 2 + xi[1] ** 2 + xi[2] ** 2) / (times[high] - times[low])
         V, g0, g1, g2, h00, h11, h22, h01, h02, h12 = potential(
             table, times[k], q[k, 0], q[k, 1], q[k, 2], q[k, 3], 0.0
@@ -144,7 +130,7 @@ def mesh_and_states(pointing, table, times, q, start, goal, interval, least, mos
         _weights(t, nodes, count, C)
         d[:, :] = 0.0
         for m in range(count):
-            _relative(q[k], q[low + m], xi)
+            relative(q[k], q[low + m], xi)
             for r in range(4):
                 for j in range(3):
                     d[r, j] += C[m, r] * xi[j]
@@ -246,7 +232,7 @@ def coarseness(table, times, q):
     worst = 0.0
     xi = np.empty(3)
     for k in range(q.shape[0] - 1):
-        _relative(q[k], q[k + 1], xi)
+        relative(q[k], q[k + 1], xi)
         angle = np.sqrt(xi[0] ** 2 + xi[1] ** 2 + xi[2] ** 2)
         margin = np.pi
         for i in range(table.shape[0]):
@@ -266,7 +252,7 @@ def resampled(times, q, new_times):
     for i in range(new_times.size):
         while k < times.size - 2 and times[k + 1] < new_times[i]:
             k += 1
-        _relative(q[k], q[k + 1], xi)
+        relative(q[k], q[k + 1], xi)
         turn(q[k], xi, (new_times[i] - times[k]) / (times[k + 1] - times[k]), out[i])
     return out
 
@@ -285,9 +271,7 @@ def crosses_cut(table, times, states):
     for i in range(table.shape[0]):
         if table[i, GROUP] >= 0.0 or table[i, RANGE_ON] < np.inf:
             continue
-        turning = np.sqrt(
-            table[i, RATE] ** 2 + table[i, RATE + 1] ** 2 + table[i, RATE + 2] ** 2
-        )
+        turning = np.sqrt(table[i, RATE] ** 2 + table[i, RATE + 1] ** 2 + table[i, RATE + 2] ** 2)
         before = 0.0
         for k in range(M + 1):
             y = states[k]
@@ -295,9 +279,7 @@ def crosses_cut(table, times, states):
             if k > 0:
                 speed = turning + max(
                     np.sqrt(y[4] ** 2 + y[5] ** 2 + y[6] ** 2),
-                    np.sqrt(
-                        states[k - 1, 4] ** 2 + states[k - 1, 5] ** 2 + states[k - 1, 6] ** 2
-                    ),
+                    np.sqrt(states[k - 1, 4] ** 2 + states[k - 1, 5] ** 2 + states[k - 1, 6] ** 2),
                 )
                 reach = 0.5 * (before + d + speed * (times[k] - times[k - 1]))
                 if reach > np.pi - CUT_WIDTH:
@@ -308,7 +290,7 @@ def crosses_cut(table, times, states):
 
 @kernel
 def ways_round(pointing, start, goal):
-    """Cubic rotation vectors from start to goal: either way round, further turns, straightest first.
+    """Cubic rotation vectors from start to goal: either way round and more, straightest first.
 
     Parameters
     ----------

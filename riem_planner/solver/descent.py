@@ -18,6 +18,7 @@ import numpy as np
 
 from riem_planner.compiled import inlined, kernel
 from riem_planner.obstacles.potential import potential
+from riem_planner.solver.quaternions import turn
 
 _MAX_STEP = 0.7  # rad a node may move in one iteration
 _ARMIJO = 1e-4
@@ -66,7 +67,7 @@ def _dot(a, b):
 
 @inlined
 def _pull(B, x, out):
-    """out = B^T x, shapes (4, 3), (4,), (3,)."""
+    """B^T x into `out`; shapes (4, 3), (4,), (3,)."""
     for i in range(3):
         out[i] = B[0, i] * x[0] + B[1, i] * x[1] + B[2, i] * x[2] + B[3, i] * x[3]
 
@@ -313,9 +314,7 @@ def factor(first, last, D, L1, L2, C, M1, M2, shift, stencil):
             if k + 2 < last:
                 for i in range(3):
                     for j in range(3):
-                        M1[k + 1, i, j] -= (
-                            F[i, 0] * E[j, 0] + F[i, 1] * E[j, 1] + F[i, 2] * E[j, 2]
-                        )
+                        M1[k + 1, i, j] -= F[i, 0] * E[j, 0] + F[i, 1] * E[j, 1] + F[i, 2] * E[j, 2]
                         C[k + 2, i, j] -= F[i, 0] * F[j, 0] + F[i, 1] * F[j, 1] + F[i, 2] * F[j, 2]
     return True
 
@@ -350,22 +349,6 @@ def substitute(first, last, C, M1, M2, rhs):
             for j in range(i + 1, 3):
                 s -= C[k, j, i] * rhs[k, j]
             rhs[k, i] = s / C[k, i, i]
-
-
-@inlined
-def turn(q, delta, scale, out):
-    """out = q exp(scale delta), a body rotation of a unit quaternion, renormalised."""
-    x, y, z = scale * delta[0], scale * delta[1], scale * delta[2]
-    angle = np.sqrt(x * x + y * y + z * z)
-    f = np.sin(0.5 * angle) / angle if angle > 1e-9 else 0.5
-    x, y, z, w = f * x, f * y, f * z, np.cos(0.5 * angle)
-    a, b, c, d = q[0], q[1], q[2], q[3]
-    p0 = d * x + w * a + b * z - c * y
-    p1 = d * y + w * b + c * x - a * z
-    p2 = d * z + w * c + a * y - b * x
-    p3 = d * w - a * x - b * y - c * z
-    norm = 1.0 / np.sqrt(p0 * p0 + p1 * p1 + p2 * p2 + p3 * p3)
-    out[0], out[1], out[2], out[3] = p0 * norm, p1 * norm, p2 * norm, p3 * norm
 
 
 @kernel

@@ -96,9 +96,7 @@ def _on_mesh(
     for _ in range(_MOST_NEWTON_STEPS):
         near = size < _NEAR
         if near:
-            cost = shooting.measure(
-                *fixed, defects, middles, local, interpolation, difference
-            )
+            cost = shooting.measure(*fixed, defects, middles, local, interpolation, difference)
             residual = float(np.abs(defects).max())
             if sensitivity * residual <= 0.1 * tolerance:
                 break

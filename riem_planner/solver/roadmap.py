@@ -79,9 +79,7 @@ def roadmap_curves(setup: Setup, watch: Watch) -> tuple[Array, list[Array]]:
 
 def _ends(setup: Setup) -> tuple[Array, list[Array]]:
     if setup.pointing:
-        start, goal = (
-            so3.quaternion_to_matrix(end[:4])[:, 2] for end in (setup.start, setup.goal)
-        )
+        start, goal = (so3.quaternion_to_matrix(end[:4])[:, 2] for end in (setup.start, setup.goal))
         return start, [goal]
     return setup.start[:4], [setup.goal[:4], -setup.goal[:4]]
 
@@ -122,7 +120,12 @@ def _grid(dimension: int) -> tuple[Array, NDArray[np.int64]]:
         inner, outer = np.sqrt(s / n), np.sqrt(1.0 - s / n)
         alpha, beta = 2.0 * np.pi * s / phi, 2.0 * np.pi * s / psi
         points = np.stack(
-            [inner * np.sin(alpha), inner * np.cos(alpha), outer * np.sin(beta), outer * np.cos(beta)],
+            [
+                inner * np.sin(alpha),
+                inner * np.cos(alpha),
+                outer * np.sin(beta),
+                outer * np.cos(beta),
+            ],
             axis=1,
         )
         spacing = (2.0 * np.pi**2 / n) ** (1.0 / 3.0)

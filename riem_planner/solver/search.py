@@ -88,9 +88,7 @@ class Search:
         self.minima.sort(key=lambda minimum: minimum.cost)
         return True
 
-    def _relax(
-        self, q: Array, softs: tuple[float, ...], side: float
-    ) -> tuple[Curve | None, bool]:
+    def _relax(self, q: Array, softs: tuple[float, ...], side: float) -> tuple[Curve | None, bool]:
         """Descend while the potentials harden; the exact minimum, and whether a saddle was left."""
         memory = np.zeros(2)
         for soft in (*softs, *_SOFT_LAST):
@@ -143,7 +141,14 @@ class Search:
                 return float(cost)
 
     def _descend(
-        self, times: Array, q: Array, soft: float, tolerance: float, side: float, most: int, memory: Array
+        self,
+        times: Array,
+        q: Array,
+        soft: float,
+        tolerance: float,
+        side: float,
+        most: int,
+        memory: Array,
     ) -> tuple[float, int, bool]:
         s = self.setup
         result: tuple[float, int, bool] = descend(

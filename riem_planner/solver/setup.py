@@ -72,4 +72,5 @@ def set_up(problem: Problem) -> Setup:
             v = so3.quaternion_to_matrix(body).T @ v
             v[2] = 0.0
         ends.append(np.concatenate([q, v]))
-    return Setup(pointing, table, problem.sigma * T**2, *ends, body)
+    start, goal = ends
+    return Setup(pointing, table, problem.sigma * T**2, start, goal, body)

@@ -19,7 +19,7 @@ from scipy.integrate import DOP853
 
 from riem_planner.compiled import inlined, kernel
 from riem_planner.obstacles.potential import potential
-from riem_planner.solver.descent import turn
+from riem_planner.solver.quaternions import ratio, relative, rotated, turn
 
 _STAGES = 12
 _A = np.ascontiguousarray(DOP853.A[:_STAGES, :_STAGES])
@@ -38,9 +38,7 @@ def _derivative(pointing, table, sigma, time, y, dF, out):
     v0, v1, v2, a0, a1, a2, j0, j1, j2 = (
         y[4], y[5], y[6], y[7], y[8], y[9], y[10], y[11], y[12],
     )  # fmt: skip
-    V, g0, g1, g2, h00, h11, h22, h01, h02, h12 = potential(
-        table, time, qx, qy, qz, qw, 0.0
-    )
+    V, g0, g1, g2, h00, h11, h22, h01, h02, h12 = potential(table, time, qx, qy, qz, qw, 0.0)
     # F = grad V / 2 changes by (Hessian delta - delta x grad V / 2) / 2.
     g0, g1, g2 = 0.5 * g0, 0.5 * g1, 0.5 * g2
     dF[0, 0], dF[0, 1], dF[0, 2] = 0.5 * h00, 0.5 * (h01 - g2), 0.5 * (h02 + g1)
@@ -63,17 +61,14 @@ def _derivative(pointing, table, sigma, time, y, dF, out):
         out[10] = j1 * v2 - j2 * v1 + sigma * a0 - g0
         out[11] = j2 * v0 - j0 * v2 + sigma * a1 - g1
         out[12] = j0 * v1 - j1 * v0 + sigma * a2 - g2
-    out[13] = 0.5 * (
-        a0 * a0 + a1 * a1 + a2 * a2 + sigma * (v0 * v0 + v1 * v1 + v2 * v2) + V
-    )
+    out[13] = 0.5 * (a0 * a0 + a1 * a1 + a2 * a2 + sigma * (v0 * v0 + v1 * v1 + v2 * v2) + V)
 
 
 @inlined
 def _linearised(pointing, sigma, y, dF, W, out):
     """Derivative of 12 x 8 perturbations W along the state y: both flat, columns innermost."""
-    v0, v1, v2, a0, a1, a2, j0, j1, j2 = (
-        y[4], y[5], y[6], y[7], y[8], y[9], y[10], y[11], y[12],
-    )  # fmt: skip
+    v0, v1, v2, a0, a1 = y[4], y[5], y[6], y[7], y[8]
+    j0, j1, j2 = y[10], y[11], y[12]
     c = _COLUMNS
     f00, f01, f02 = dF[0, 0], dF[0, 1], dF[0, 2]
     f10, f11, f12 = dF[1, 0], dF[1, 1], dF[1, 2]
@@ -165,29 +160,17 @@ def _step(pointing, table, sigma, time, h, y, W, linear, work):
 
 
 @inlined
-def _relative(p, q, out):
-    """out[:3] = rotation vector of p^-1 q, the shorter way."""
-    x = p[3] * q[0] - q[3] * p[0] - (p[1] * q[2] - p[2] * q[1])
-    y = p[3] * q[1] - q[3] * p[1] - (p[2] * q[0] - p[0] * q[2])
-    z = p[3] * q[2] - q[3] * p[2] - (p[0] * q[1] - p[1] * q[0])
-    w = p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]
-    if w < 0.0:
-        x, y, z, w = -x, -y, -z, -w
-    s = np.sqrt(x * x + y * y + z * z)
-    f = 2.0 * np.arctan2(s, w) / s if s > 0.0 else 2.0
-    out[0], out[1], out[2] = f * x, f * y, f * z
-
-
-@inlined
 def _difference(state, reference, out):
-    """out (12,) = state minus reference, as a perturbation of the reference."""
-    _relative(reference, state, out)
+    """Out (12,) = state minus reference, as a perturbation of the reference."""
+    relative(reference, state, out)
     for i in range(9):
         out[3 + i] = state[4 + i] - reference[4 + i]
 
 
 @kernel
-def measure(pointing, table, sigma, times, states, defects, middles, local, interpolation, difference):
+def measure(
+    pointing, table, sigma, times, states, defects, middles, local, interpolation, difference
+):
     """Defects by two half steps an interval, the states between, cost and local errors.
 
     Parameters
@@ -232,8 +215,12 @@ def measure(pointing, table, sigma, times, states, defects, middles, local, inte
         _derivative(pointing, table, sigma, times[k + 1], half, work[4], first)
         # A quintic's error is (h/2)^6 / 46080 times the sixth derivative, here by a second
         # difference of the fourth.
-        interpolation[k] = (0.5 * h) ** 4 / 46080.0 * np.sqrt(
-            (bend[0] + first[10]) ** 2 + (bend[1] + first[11]) ** 2 + (bend[2] + first[12]) ** 2
+        interpolation[k] = (
+            (0.5 * h) ** 4
+            / 46080.0
+            * np.sqrt(
+                (bend[0] + first[10]) ** 2 + (bend[1] + first[11]) ** 2 + (bend[2] + first[12]) ** 2
+            )
         )
         _difference(half, states[k + 1], defects[k])
         _difference(half, whole, local[k])
@@ -327,9 +314,9 @@ def newton(pointing, table, sigma, times, states, goal, defects, given, step):
     error = np.empty(12)
     if pointing:
         # The goal's direction in body components of the last attitude.
-        relative = np.empty(4)
-        _quaternion_ratio(end, goal, relative)
-        a, b, d, w = relative[0], relative[1], relative[2], relative[3]
+        to_goal = np.empty(4)
+        ratio(end, goal, to_goal)
+        a, b, d, w = to_goal[0], to_goal[1], to_goal[2], to_goal[3]
         y0, y1, y2 = 2 * (a * d + w * b), 2 * (b * d - w * a), w * w - a * a - b * b + d * d
         # Moving e3 by delta: delta x e3 = (delta_2, -delta_1, 0).
         length = np.sqrt(y0 * y0 + y1 * y1)
@@ -338,11 +325,11 @@ def newton(pointing, table, sigma, times, states, goal, defects, given, step):
         G[1, 0], g[1] = -1.0, f * y1
         # The direction's velocity at the goal, in the body components of the last attitude, is
         # to be v x e3 = (v_1, -v_0, 0); a turn by delta changes it by -delta x u.
-        u0, u1, u2 = _rotated(relative, goal[5], -goal[4], 0.0)
+        u0, u1, u2 = rotated(to_goal, goal[5], -goal[4], 0.0)
         G[2, 3], G[2, 2], G[2, 0], g[2] = 1.0, -u0, u2, -u1 - end[4]
         G[3, 4], G[3, 2], G[3, 1], g[3] = 1.0, -u1, u2, u0 - end[5]
     else:
-        _relative(end, goal, error)
+        relative(end, goal, error)
         for i in range(3):
             G[i, i], g[i] = 1.0, error[i]
             G[3 + i, 3 + i], g[3 + i] = 1.0, goal[4 + i] - end[4 + i]
@@ -374,27 +361,6 @@ def newton(pointing, table, sigma, times, states, goal, defects, given, step):
             step[k, i] = s
             finite = finite and np.isfinite(s)
     return finite
-
-
-@inlined
-def _quaternion_ratio(p, q, out):
-    """out = p^-1 q."""
-    out[0] = p[3] * q[0] - q[3] * p[0] - (p[1] * q[2] - p[2] * q[1])
-    out[1] = p[3] * q[1] - q[3] * p[1] - (p[2] * q[0] - p[0] * q[2])
-    out[2] = p[3] * q[2] - q[3] * p[2] - (p[0] * q[1] - p[1] * q[0])
-    out[3] = p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]
-
-
-@inlined
-def _rotated(q, x, y, z):
-    """The vector (x, y, z) turned by the quaternion q."""
-    a, b, c, d = q[0], q[1], q[2], q[3]
-    p, r, s = b * z - c * y, c * x - a * z, a * y - b * x
-    return (
-        x + 2.0 * (d * p + b * s - c * r),
-        y + 2.0 * (d * r + c * p - a * s),
-        z + 2.0 * (d * s + a * r - b * p),
-    )
 
 
 @inlined

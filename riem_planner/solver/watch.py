@@ -10,7 +10,7 @@ from riem_planner.solution import Status
 _FREE_RUN = 1000  # iterations a kernel may run at once where nobody watches
 
 
-class Interrupted(Exception):
+class InterruptedSolveError(Exception):
     """The solve was asked to stop; carries the status to report."""
 
     def __init__(self, status: Status) -> None:
@@ -54,11 +54,11 @@ class Watch:
 
         Raises
         ------
-        Interrupted
+        InterruptedSolveError
             The deadline has passed, or the caller asked to stop.
         """
         self.iterations += iterations
         if self._should_stop is not None and self._should_stop():
-            raise Interrupted(Status.CANCELLED)
+            raise InterruptedSolveError(Status.CANCELLED)
         if self._end is not None and time.monotonic() >= self._end:
-            raise Interrupted(Status.OUT_OF_TIME)
+            raise InterruptedSolveError(Status.OUT_OF_TIME)
