@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riem_planner.geometry import so3
-from riem_planner.node.mission import Level, Mission
+from riem_planner.node.events import Level
+from riem_planner.node.mission import Mission
 from riem_planner.node.safety import Judge
 from riem_planner.node.timeline import Setpoint
 

@@ -7,8 +7,6 @@ in `events`, what is to be planned in `wanted`, what is to be streamed in `timel
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from enum import Enum
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +14,7 @@ from numpy.typing import NDArray
 from riem_planner.errors import InvalidProblemError
 from riem_planner.geometry import so3
 from riem_planner.node import planning, recovery
+from riem_planner.node.events import Event, Level, Measurement, Proposal
 from riem_planner.node.planning import Attempt, Goal, Reason, Request, Result
 from riem_planner.node.safety import Judge, Verdict, portion, without_roll
 from riem_planner.node.settings import Settings
@@ -40,64 +39,6 @@ SETTLED = 1e-5
 """A turn within one budget that a measured attitude may make and count as at rest [rad]."""
 CONTINUOUS = 1e-9
 """A jump of the rate at a splice that is rounding [rad/s]."""
-
-
-class Level(Enum):
-    """How bad it is."""
-
-    OK = "ok"
-    WARN = "warn"
-    ERROR = "error"
-
-
-@dataclass(frozen=True, eq=False)
-class Proposal:
-    """A certified plan, flown or shown.
-
-    Parameters
-    ----------
-    segments
-        The slew, and the stop after it if the goal is not at rest.
-    request, solution, problem
-        What was asked, what came, and the problem it solves.
-    fresh
-        It begins the stream, so it may begin at any time.
-    """
-
-    segments: tuple[Segment, ...]
-    request: Request
-    solution: Solution
-    problem: Problem
-    fresh: bool
-
-
-class Event(NamedTuple):
-    """Something that users are told on ~/status.
-
-    Attributes
-    ----------
-    level, code, message
-        How bad it is, what it is in one word, and a sentence with numbers and advice.
-    solution, problem
-        What came of a solve, where one has ended.
-    proposal
-        A plan to show.
-    """
-
-    level: Level
-    code: str
-    message: str
-    solution: Solution | None = None
-    problem: Problem | None = None
-    proposal: Proposal | None = None
-
-
-class Measurement(NamedTuple):
-    """Measured attitude: quaternion (4,), rate (3,) [rad/s], stamp [ns]."""
-
-    quaternion: Array
-    rate: Array
-    stamp_ns: int
 
 
 @dataclass

@@ -35,8 +35,9 @@ from msg_adapters.markers import Key, markers_from_scene
 from msg_adapters.pose_array import cdr_from_orientations
 from msg_adapters.trajectory import SetpointMessage, reference_from_samples
 from riem_planner.node import health, outputs
+from riem_planner.node.events import Event, Level, Proposal
 from riem_planner.node.inputs import Inputs, overriding
-from riem_planner.node.mission import BACKWARD_NS, FORWARD_NS, Event, Level, Mission, Proposal
+from riem_planner.node.mission import BACKWARD_NS, FORWARD_NS, Mission
 from riem_planner.node.parameters import Parameters
 from riem_planner.node.planning import Goal, Result
 from riem_planner.node.settings import Settings

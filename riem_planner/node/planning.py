@@ -23,6 +23,7 @@ from riem_planner.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 _FASTER = 2.0  # a kept arrival time may raise the peak rate that much, no more
+_SHARE = 0.5  # of the time left, for an attempt that others may follow
 _QUADRATURE = 400  # intervals of the cost of a trajectory that no solve has priced
 
 
@@ -145,13 +146,14 @@ def carry_out(request: Request, should_stop: Callable[[], bool] = lambda: False)
     """Solve a request; never raises for what can't be solved."""
     begin = time.monotonic()
     worst: tuple[Solution, Problem] | None = None
+    last = request.attempts[-1]
     for attempt in request.attempts:
         left = request.deadline - (time.monotonic() - begin)
         if worst is not None and (left <= 0.0 or should_stop()):
             break
         solution = solve(
             attempt.problem,
-            deadline=max(left, 1e-3),
+            deadline=max(left if attempt is last else _SHARE * left, 1e-3),
             should_stop=should_stop,
             warm_start=attempt.warm_start,
             search=attempt.search,

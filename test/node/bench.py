@@ -91,7 +91,7 @@ class Bench:
 
     def _listen(self, kind, topic, name, latched):
         durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
-        qos = QoSProfile(depth=10, durability=durability)
+        qos = QoSProfile(depth=500, durability=durability)
         self.client.create_subscription(kind, topic, self.heard[name].append, qos)
 
     def state(self):
