@@ -111,8 +111,7 @@ class Spacecraft:
 
     def kinetic_energy(self, state: BodyState) -> float:
         """`v . J v / 2` of the body [J]; wheels that are not driven leave it as it is."""
-        energy: float = 0.5 * state.rate @ self.inertia @ state.rate
-        return float(energy)
+        return float(0.5 * (state.rate @ self.inertia @ state.rate))
 
     def acceleration(self, state: BodyState, torque: ArrayLike) -> Array:
         """`v' = J^-1 (u - v x (J v + h))` (3,) [rad/s^2] under a torque u (3,) [N m]."""
@@ -128,7 +127,8 @@ class Spacecraft:
         """
         h, most = state.wheel_momentum, np.asarray(self.momentum_limit)
         within = np.clip(np.asarray(torque, dtype=float), (h - most) / step, (h + most) / step)
-        return np.clip(within, -np.asarray(self.torque_limit), self.torque_limit)
+        most = np.asarray(self.torque_limit)
+        return np.asarray(np.clip(within, -most, most))
 
     def step(self, state: BodyState, torque: ArrayLike, step: float) -> BodyState:
         """State a step [s] later, under what the wheels give of a constant torque (3,) [N m].
