@@ -341,16 +341,16 @@ def first_biconjugate_time(curvature: float, tension: float) -> float:
 
     def odd(T: float) -> float:
         S, C = math.sin(a * T / 2), math.cos(a * T / 2)
-        if sigma > k:
-            return a * C * math.tanh(b * T / 2) - b * S
         return a * C * math.sin(b * T / 2) - b * S * math.cos(b * T / 2)
 
+    # For sigma > k the odd ones come later: b tan x = a tanh(b x / a) has no root below pi.
+    factors = (even,) if sigma > k else (even, odd)
     step = math.pi / (16.0 * (a + b))
     T = step
     while True:
         zeros = [
             float(brentq(factor, T, T + step, xtol=1e-15, rtol=1e-15))
-            for factor in (even, odd)
+            for factor in factors
             if factor(T) * factor(T + step) <= 0.0
         ]
         if zeros:

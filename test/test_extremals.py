@@ -254,6 +254,22 @@ def test_first_biconjugate_time(a, sigma, expected):
     assert first_biconjugate_time(a * a, sigma) == pytest.approx(expected, rel=1e-13)
 
 
+@pytest.mark.parametrize("sigma", [0.3, 0.5, 0.62, 0.9, 1.5, 4.0])
+def test_first_biconjugate_time_is_the_first_zero_of_the_determinant(sigma):
+    """The determinant of section 5 for a = 1, scanned without its factors."""
+    b = np.sqrt(abs(sigma - 1.0))
+
+    def determinant(T):
+        if sigma > 1.0:
+            return 2 * b * (1 - np.cos(T) * np.cosh(b * T)) - (1 - b**2) * np.sin(T) * np.sinh(b * T)
+        return 2 * b * (1 - np.cos(T) * np.cos(b * T)) - (1 + b**2) * np.sin(T) * np.sin(b * T)
+
+    expected = first_biconjugate_time(1.0, sigma)
+    before = determinant(np.linspace(0.1, 0.9999 * expected, 20_000))
+    assert np.all(np.sign(before) == np.sign(before[0]))
+    assert np.sign(determinant(1.0001 * expected)) == -np.sign(before[0])
+
+
 def test_geodesics_without_tension_have_no_biconjugate_time():
     assert first_biconjugate_time(1.0, 0.0) == np.inf
 
