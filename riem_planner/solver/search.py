@@ -92,9 +92,9 @@ class Search:
         """Descend while the potentials harden; the exact minimum, and whether a saddle was left."""
         memory = np.zeros(2)
         for soft in (*softs, *_SOFT_LAST):
-            self._stage(self.times, q, soft, _ROUGH, side, memory)
-            exact = self._cost(q, 0.0)
-            if np.isfinite(exact) and (soft <= softs[-1] or exact == self._cost(q, soft)):
+            cost = self._stage(self.times, q, soft, _ROUGH, side, memory)
+            exact = self._cost(q)
+            if np.isfinite(exact) and (soft <= softs[-1] or exact == cost):
                 break
         else:
             return None, memory[1] > 0.0
@@ -124,8 +124,8 @@ class Search:
                 break
         return Curve(times, q, cost)
 
-    def _cost(self, q: Array, soft: float) -> float:
-        return float(self._descend(self.times, q, soft, 0.0, 1.0, 0, np.zeros(2))[0])
+    def _cost(self, q: Array) -> float:
+        return float(self._descend(self.times, q, 0.0, 0.0, 1.0, 0, np.zeros(2))[0])
 
     def _stage(
         self, times: Array, q: Array, soft: float, tolerance: float, side: float, memory: Array
