@@ -258,11 +258,12 @@ def test_first_biconjugate_time(a, sigma, expected):
 def test_first_biconjugate_time_is_the_first_zero_of_the_determinant(sigma):
     """The determinant of section 5 for a = 1, scanned without its factors."""
     b = np.sqrt(abs(sigma - 1.0))
+    sign = 1.0 if sigma > 1.0 else -1.0
+    sine, cosine = (np.sinh, np.cosh) if sigma > 1.0 else (np.sin, np.cos)
 
     def determinant(T):
-        if sigma > 1.0:
-            return 2 * b * (1 - np.cos(T) * np.cosh(b * T)) - (1 - b**2) * np.sin(T) * np.sinh(b * T)
-        return 2 * b * (1 - np.cos(T) * np.cos(b * T)) - (1 + b**2) * np.sin(T) * np.sin(b * T)
+        product = (1 - sign * b**2) * np.sin(T) * sine(b * T)
+        return 2 * b * (1 - np.cos(T) * cosine(b * T)) - product
 
     expected = first_biconjugate_time(1.0, sigma)
     before = determinant(np.linspace(0.1, 0.9999 * expected, 20_000))

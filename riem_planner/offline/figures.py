@@ -12,6 +12,7 @@ import csv
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -90,7 +91,7 @@ class Row:
     obstacle_time
         t_q [s].
     least_distance
-        Least chord `|x - q|`.
+        Least chord `|x - q|` between the curve and the obstacle.
     reference
         What the paper prints or the reproduction found; None where there is none.
     certified_clearance
@@ -117,6 +118,7 @@ _REPRODUCED = {
 }
 
 
+@cache
 def columns(picture: Picture) -> list[tuple[Array, list[tuple[str, Curve]]]]:
     """For each column of a figure its obstacle (3,) and its labelled curves."""
     example, taus = picture.example, picture.strengths
@@ -268,7 +270,7 @@ def table() -> list[Row]:
 
 
 _HEADINGS = (
-    "example", "method", "tau", "t_q [s]", "least chord |x - q|", "reference",
+    "example", "method", "tau", "t_q [s]", "least chord", "reference",
     "certified clearance [rad]",
 )  # fmt: skip
 
@@ -306,12 +308,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         " distances.",
     )
     parser.add_argument("--output", default="figures", metavar="DIR", help="where to write them")
-    directory = Path(parser.parse_args(arguments).output)
+    parser.add_argument("--dpi", type=int, default=150, help="resolution of the pictures")
+    options = parser.parse_args(arguments)
+    directory = Path(options.output)
     try:
         directory.mkdir(parents=True, exist_ok=True)
         for picture in PICTURES:
-            draw(picture).savefig(str(directory / f"{picture.name}.png"), dpi=150)
-        overview().savefig(str(directory / "problem.png"), dpi=130)
+            draw(picture).savefig(str(directory / f"{picture.name}.png"), dpi=options.dpi)
+        overview().savefig(str(directory / "problem.png"), dpi=options.dpi)
         write_table(table(), directory)
     except OSError as error:
         print(f"riem_figures: cannot write to {directory}: {error.strerror}", file=sys.stderr)
