@@ -14,6 +14,7 @@ So the norm of the quaternion and the total momentum hold to rounding, at any st
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -125,10 +126,10 @@ class Spacecraft:
 
         No wheel passes its momentum limit within the step; none gives more than its torque.
         """
-        h, most = state.wheel_momentum, np.asarray(self.momentum_limit)
-        within = np.clip(np.asarray(torque, dtype=float), (h - most) / step, (h + most) / step)
-        most = np.asarray(self.torque_limit)
-        return np.asarray(np.clip(within, -most, most))
+        h = state.wheel_momentum
+        wheel, motor = np.asarray(self.momentum_limit), np.asarray(self.torque_limit)
+        within = np.maximum(np.minimum(np.asarray(torque), (h + wheel) / step), (h - wheel) / step)
+        return np.asarray(np.maximum(np.minimum(within, motor), -motor))
 
     def step(self, state: BodyState, torque: ArrayLike, step: float) -> BodyState:
         """State a step [s] later, under what the wheels give of a constant torque (3,) [N m].
@@ -140,23 +141,20 @@ class Spacecraft:
         h = state.wheel_momentum
         body_momentum = self.inertia @ state.rate + h
 
-        def rate(turn: Array, time: float) -> Array:
+        def rate(turn: Array, skew: Array, time: float) -> Array:
             """Body rate where the body has turned by a rotation vector since the step began."""
-            skew = so3.hat(turn)
-            x = float(np.sqrt(turn @ turn))
+            x = math.sqrt(turn @ turn)
             once = skew @ body_momentum
             # exp(-hat(turn)) applied to the momentum (Rodrigues).
-            seen = (
-                body_momentum
-                - np.sinc(x / np.pi) * once
-                + 0.5 * np.sinc(0.5 * x / np.pi) ** 2 * (skew @ once)
-            )
+            first = math.sin(x) / x if x > 0.0 else 1.0
+            second = 2.0 * (math.sin(0.5 * x) / x) ** 2 if x > 0.0 else 0.5
+            seen = body_momentum - first * once + second * (skew @ once)
             return np.asarray(self._inverse @ (seen - h + u * time))
 
         def slope(turn: Array, time: float) -> Array:
             """`xi' = J_r^-1(xi) v`, to the terms that order 4 needs."""
-            v = rate(turn, time)
             skew = so3.hat(turn)
+            v = rate(turn, skew, time)
             once = skew @ v
             return np.asarray(v + 0.5 * once + (skew @ once) / 12.0)
 
@@ -166,7 +164,7 @@ class Spacecraft:
         k4 = slope(step * k3, step)
         turn = step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         quaternion = so3.quaternion_multiply(state.quaternion, so3.quaternion_exp(turn))
-        return BodyState(quaternion, rate(turn, step), h - u * step)
+        return BodyState(quaternion, rate(turn, so3.hat(turn), step), h - u * step)
 
 
 @dataclass(frozen=True)
