@@ -16,7 +16,8 @@ from riem_planner.compiled import announced
 from riem_planner.duration import advised, solve_auto
 from riem_planner.errors import PlanningError
 from riem_planner.geometry import so3
-from riem_planner.obstacles import Zone
+from riem_planner.limits import Limits
+from riem_planner.obstacles import OrientationObstacle, Zone
 from riem_planner.obstacles.potential import rounding, row_margins
 from riem_planner.problem import S2, SO3, Problem, State
 from riem_planner.solution import Alternative, Solution, Status
@@ -179,8 +180,11 @@ def _load_kernels() -> None:
     """Solve a small problem of each space, so that all compiled code is in memory."""
     zone = Zone(np.array([0.0, 1.0, 0.3]), 0.1, normalized_strength=0.01)
     start, goal = (State.from_direction(x) for x in ([1.0, 0.0, 0.0], [-0.6, 0.8, 0.0]))
-    for space in (SO3, S2):
-        problem = Problem(start, goal, 1.0, space, obstacles=(zone,))
+    limits = Limits(rate=1e3, torque=1e3, inertia=np.eye(3))
+    # The attitude opposite to the way's middle: its cut locus is crossed.
+    away = OrientationObstacle(so3.exp([0.0, 0.0, -2.0]), normalized_strength=0.01)
+    for space, obstacles in ((SO3, (zone, away)), (S2, (zone,))):
+        problem = Problem(start, goal, 1.0, space, obstacles=obstacles, limits=limits)
         _solve(problem, Watch(None, None), 1e-8, None, False)
 
 

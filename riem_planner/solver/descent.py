@@ -388,7 +388,7 @@ def descend(
     cost = assemble(
         pointing, table, sigma, times, q, rate_start, rate_end, soft, gradient, D, L1, L2
     )
-    if not np.isfinite(cost):
+    if not cost < np.inf:
         return cost, 0, False
     for iteration in range(most):
         while not factor(1, n, D, L1, L2, C, N1, N2, memory[0], stencil):
@@ -421,7 +421,7 @@ def descend(
             cost = assemble(
                 pointing, table, sigma, times, q, rate_start, rate_end, soft, gradient, D, L1, L2
             )
-            if not np.isfinite(cost):
+            if not cost < np.inf:
                 return cost, iteration, False
             continue
         scale = min(1.0, _MAX_STEP / longest)
@@ -499,4 +499,4 @@ def positive_definite(pointing, table, sigma, times, q, rate_start, rate_end):
     cost = assemble(
         pointing, table, sigma, times, q, rate_start, rate_end, 0.0, gradient, D, L1, L2
     )
-    return np.isfinite(cost) and factor(1, n, D, L1, L2, C, N1, N2, 0.0, gradient)
+    return cost < np.inf and factor(1, n, D, L1, L2, C, N1, N2, 0.0, gradient)

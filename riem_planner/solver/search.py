@@ -37,7 +37,8 @@ _FINER = (0.5, 0.25)  # of the mesh density's integral between nodes
 _NODES_FINE = 400
 _MOST_ITERATIONS = 60
 _SAME_COST = 1e-4
-_MOST_DESCENTS = 12
+_MOST_DESCENTS = 16
+_WORTH_CROSSING = 1.2  # of the best cost, up to which a curve's other sides are tried
 _HOPELESS = 2.0  # of the best cost, that a way round costs without obstacles
 
 
@@ -164,18 +165,21 @@ class Search:
         return _SOFT_ZONES if zones else _SOFT_POINTS
 
     def cross_obstacles(self, most: int) -> None:
-        """Try the other side of each obstacle from the best curve, until it stays the best."""
+        """Try the other side of each obstacle from the best curves, the cheapest first."""
         crossed: list[Curve] = []
-        while self.minima and most > 0 and self.minima[0] not in crossed:
-            best = self.minima[0]
-            crossed.append(best)
+        while most > 0:
+            limit = _WORTH_CROSSING * min((c.cost for c in self.minima), default=0.0)
+            curve = next((c for c in self.minima if c.cost <= limit and c not in crossed), None)
+            if curve is None:
+                break
+            crossed.append(curve)
             for i in range(self.setup.table.shape[0]):
-                q = self.reflected(best, i)
+                q = self.reflected(curve, i)
                 if q is None:
                     continue
                 self.add(q, _SOFT_AGAIN)
                 most -= 1
-                if most == 0 or self.minima[0] is not best:
+                if most == 0 or self.minima[0].cost < curve.cost:
                     break
 
     def reflected(self, curve: Curve, obstacle: int) -> Array | None:

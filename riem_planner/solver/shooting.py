@@ -359,7 +359,7 @@ def newton(pointing, table, sigma, times, states, goal, defects, given, step):
             for j in range(columns):
                 s += Y[k, i, j] * beta[j]
             step[k, i] = s
-            finite = finite and np.isfinite(s)
+            finite = finite and abs(s) < np.inf
     return finite
 
 
