@@ -2,6 +2,7 @@
 
 from riem_planner.certificate import Certificate, certify
 from riem_planner.errors import InvalidProblemError, PlanningError, RiemPlannerError
+from riem_planner.extremals import extremal
 from riem_planner.limits import Limits
 from riem_planner.obstacles import OrientationObstacle, Zone
 from riem_planner.plan import plan, solve, solve_many, warm_up
@@ -29,6 +30,7 @@ __all__ = [
     "Trajectory",
     "Zone",
     "certify",
+    "extremal",
     "plan",
     "solve",
     "solve_many",
