@@ -183,7 +183,7 @@ def way_out(
     if best is None:
         return stop_trajectory(quaternion, v, a, max(1.5 * speed / gentle, SHORTEST))
     _, turn, duration = best
-    slowing = deceleration(u, duration, v, a)
-    steps = _profile(u, duration)
-    combined = tuple(s + turn * h[:, None] for s, h in zip(slowing, steps, strict=True))
-    return trajectory_of_turns(quaternion, duration * u, combined)  # type: ignore[arg-type]
+    h, h_1, h_2 = (step[:, None] for step in _profile(u, duration))
+    xi, xi_1, xi_2 = deceleration(u, duration, v, a)
+    combined = (xi + turn * h, xi_1 + turn * h_1, xi_2 + turn * h_2)
+    return trajectory_of_turns(quaternion, duration * u, combined)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -12,6 +13,16 @@ STOP_WITHIN = 0.5
 """Time given to the executor to end [s]."""
 SWITCH_INTERVAL = 5e-4
 """How long a thread may keep the interpreter from the stream [s]."""
+
+
+def _settle() -> None:
+    """Keep the collector off what is there by now.
+
+    The compiler leaves a million objects; to look through them again and again would stop the
+    stream for a tenth of a second each time.
+    """
+    gc.collect()
+    gc.freeze()
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -40,7 +51,7 @@ def main(arguments: list[str] | None = None) -> int:
 
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     try:
-        node = PlannerNode()
+        node = PlannerNode(settle=_settle)
     except InvalidProblemError as error:
         get_logger("riem_planner").fatal(f"parameter {error}")
         rclpy.try_shutdown()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import threading
 import time
 from collections import deque
@@ -76,14 +75,22 @@ class PlannerNode(LifecycleNode):
     Decisions are the mission's; they are made under one lock. The stream of setpoints reads the
     mission's timeline, which is replaced as a whole, and never waits for that lock.
 
+    Parameters
+    ----------
+    settle
+        Called once the solver is loaded, before anything is streamed.
+    options
+        Those of a lifecycle node.
+
     Raises
     ------
     InvalidProblemError
         A parameter's override is wrong.
     """
 
-    def __init__(self, **options: Any) -> None:
+    def __init__(self, *, settle: Callable[[], None] = lambda: None, **options: Any) -> None:
         super().__init__("riem_planner", **options)
+        self._settle = settle
         self._lock = threading.RLock()
         self._results: deque[Result] = deque()
         self._rejections = health.Rejections()
@@ -248,10 +255,7 @@ class PlannerNode(LifecycleNode):
                 return False
         if failures:
             self.get_logger().error(f"the solver can't be loaded: {failures[0]}")
-        # The compiler leaves a million objects; to look through them again and again would stop
-        # the stream for a tenth of a second each time.
-        gc.collect()
-        gc.freeze()
+        self._settle()
         return not failures
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -287,7 +291,8 @@ class PlannerNode(LifecycleNode):
                 now_ns = self.now_ns()
                 timeline = self.mission.timeline
             # The last setpoint says that it is at rest, so that a controller knows.
-            if not timeline or timeline.resting(min(now_ns, self._last_stamp)):
+            published = max(self._last_stamp, now_ns - 10 * self.settings.period_ns)
+            if not timeline or timeline.resting(min(now_ns, published)):
                 return
             if now_ns != last_ns:
                 last_ns, since = now_ns, time.monotonic()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 import time
 
@@ -9,7 +10,9 @@ import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseArray, PoseStamped, QuaternionStamped, Vector3Stamped
+from lifecycle_msgs.srv import ChangeState, GetState
 from nav_msgs.msg import Odometry
+from rcl_interfaces.srv import DescribeParameters, SetParameters, SetParametersAtomically
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.node import Node
@@ -42,6 +45,16 @@ INPUTS = {
     "imu": Imu,
     "obstacles": PoseArray,
 }
+SERVICES = {
+    "replan": Trigger,
+    "cancel": Trigger,
+    "execute": Trigger,
+    "change_state": ChangeState,
+    "get_state": GetState,
+    "describe_parameters": DescribeParameters,
+    "set_parameters": SetParameters,
+    "set_parameters_atomically": SetParametersAtomically,
+}
 
 
 class Bench:
@@ -66,7 +79,10 @@ class Bench:
             name: self.client.create_publisher(kind, f"/riem_planner/{name}", 1)
             for name, kind in kinds.items()
         }
-        self.clients = {}
+        self.clients = {
+            name: self.client.create_client(kind, f"/riem_planner/{name}")
+            for name, kind in SERVICES.items()
+        }
         self.closing = False
         self.failure = None
         self.executors = [
@@ -128,9 +144,8 @@ class Bench:
 
     def call(self, kind, name, request=None, seconds=10.0):
         """Call a service of the node."""
-        if name not in self.clients:
-            self.clients[name] = self.client.create_client(kind, f"/riem_planner/{name}")
         client = self.clients[name]
+        assert client.srv_type is kind
         self.wait(client.service_is_ready, 10.0)
         future = client.call_async(request or kind.Request())
         self.wait(future.done, seconds)
@@ -167,4 +182,11 @@ class Bench:
         self.node.close()
         self.client.destroy_node()
         self.context.try_shutdown()
+        # A lifecycle node keeps its services until it is collected, and a half of one that is
+        # left in the graph would make the next node's look unavailable.
+        self.node = self.client = None
+        self.executors.clear()
+        self.clients.clear()
+        self.publishers.clear()
+        gc.collect()
         assert self.failure is None, self.failure
