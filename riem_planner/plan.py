@@ -37,6 +37,7 @@ Array = NDArray[np.float64]
 _MOST_RESULTS = 3  # extremals that are computed for one problem
 _FINER = (0.3, 0.12)  # of the mesh density's integral between nodes, where shooting failed
 _ROADMAP_TIME = 0.5  # s that the last resort may take
+_INERTIA_NODES = 100  # about as many as decide whether an extremal is a minimum
 _CUT_SAMPLES = 100  # an interval, for the part of the cost that rounding the cut locus hides
 _NOTE_CUT = (
     "the trajectory passes the cut locus of an obstacle (distance pi), where the plain potential"
@@ -304,9 +305,10 @@ def _same(first: Extremal, second: Extremal) -> bool:
 
 
 def _is_minimum(setup: Setup, extremal: Extremal) -> bool:
-    # Every other sample: on finer meshes rounding, not the problem, decides.
-    times = np.ascontiguousarray(extremal.times[::2])
-    q = np.ascontiguousarray(extremal.states[::2, :4])
+    # Not all samples of a very fine mesh: there rounding, not the problem, decides.
+    keep = np.arange(0, extremal.times.size, 1 + extremal.times.size // _INERTIA_NODES)
+    keep[-1] = extremal.times.size - 1
+    times, q = extremal.times[keep], np.ascontiguousarray(extremal.states[keep, :4])
     return bool(
         positive_definite(
             setup.pointing, setup.table, setup.sigma, times, setup.with_goal(q),

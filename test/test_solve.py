@@ -490,10 +490,7 @@ def test_a_global_search_leaves_a_warm_start_for_a_better_class():
     "space",
     [
         SO3,
-        pytest.param(
-            S2,
-            marks=pytest.mark.xfail(strict=True, reason="11 intervals are too coarse to tell"),
-        ),
+        S2,
     ],
     ids=["so3", "s2"],
 )

@@ -24,6 +24,10 @@ _MOST_BISECTED = 600
 # Halving a step divides the error of an 8th-order method by 256; half of that is claimed. Where a
 # step may cross the edge of the rounded cut locus, which is only C^5, less is.
 _HALVING, _HALVING_AT_CUT = 128.0, 8.0
+# What an error of (attitude, v, a, j) makes of the attitude in unit time, roughly.
+_EFFECT = np.repeat([1.0, 1.0, 1 / 2, 1 / 6], 3)
+_SAFETY = 1.5  # of the error estimates, which are of first order
+_ROUNDING = 1e-8  # defects that no longer halve below this are rounding
 
 
 @dataclass(frozen=True)
@@ -91,14 +95,15 @@ def _on_mesh(
     defects, local, step = np.empty((M, 12)), np.empty((M, 12)), np.empty((M + 1, 12))
     middles, interpolation = np.empty((M, 13)), np.empty(M)
     size, previous = np.inf, np.inf
-    sensitivity = 1.0
+    residual, sensitivity = np.inf, 1.0
     cost, difference = np.nan, np.empty(M)
     for _ in range(_MOST_NEWTON_STEPS):
         near = size < _NEAR
         if near:
             cost = shooting.measure(*fixed, defects, middles, local, interpolation, difference)
-            residual = float(np.abs(defects).max())
-            if sensitivity * residual <= 0.1 * tolerance:
+            before, residual = residual, float(np.abs(defects).max())
+            stalled = residual > 0.5 * before and residual < _ROUNDING
+            if sensitivity * residual <= 0.1 * tolerance or stalled:
                 break
         watch.count()
         if not shooting.newton(*fixed, setup.goal, defects, near, step):
@@ -110,25 +115,26 @@ def _on_mesh(
         if near:
             # Least at 1: a lucky step must not make the estimate small.
             sensitivity = max(1.0, size / max(residual, 1e-300))
-            if residual < 1e-13:
-                break
     else:
         return None
     gain = np.where(crosses_cut(setup.table, mesh, states), 1.0 / _HALVING_AT_CUT, 1.0 / _HALVING)
-    discretisation = sensitivity * gain * np.abs(local[:, :3]).max(axis=1)
+    # The Newton step that would take away what is left, defects and half steps' own errors alike.
+    left = defects + gain[:, None] * local
+    watch.count()
+    if not shooting.newton(*fixed, setup.goal, left, True, step):
+        return None
+    discretisation = _SAFETY * float(np.linalg.norm(step[:, :3], axis=1).max())
+    between = _SAFETY * interpolation
+    error = max(discretisation, float(between.max()))
     cost_error = float(gain @ difference) / max(cost, 1e-300)
-    error = max(
-        sensitivity * residual,
-        float(discretisation.sum()),
-        float(interpolation.max()),
-    )
     samples = np.empty((2 * M + 1, 13))
     samples[::2], samples[1::2] = states, middles
     times = np.empty(2 * M + 1)
     times[::2], times[1::2] = mesh, 0.5 * (mesh[1:] + mesh[:-1])
-    split = interpolation > tolerance
-    if discretisation.sum() > tolerance:
-        split |= discretisation > 0.5 * tolerance / M
+    split = between > tolerance
+    if discretisation > tolerance:
+        share = np.linalg.norm(left * _EFFECT, axis=1)
+        split |= share > 0.1 * share.max()
     if cost_error > tolerance:
         split |= gain * difference > 0.5 * tolerance * cost / M
     return Extremal(times, samples, cost, error, cost_error), split

@@ -242,7 +242,6 @@ def test_error_estimate_is_honest_and_the_tolerance_met(kind):
     assert np.mean(beyond) <= 0.2
 
 
-@pytest.mark.xfail(strict=True, reason="the interpolation's error is told a sixth too small")
 @pytest.mark.parametrize("index", [76, 99])
 def test_tolerance_is_met_where_interpolation_rules(index):
     assert true_errors(random_case("cones", SEED, index))[0] <= 1e-8
