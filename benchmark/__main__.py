@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from benchmark import cases, comparison, own, random_cases
+from benchmark.flights import flights
 from benchmark.hard import Outcome, hard, run
 from benchmark.peers import shooting
 from benchmark.report import Table, write
@@ -24,9 +25,9 @@ def _arguments(arguments: list[str]) -> argparse.Namespace:
         "what",
         nargs="?",
         default="all",
-        choices=("all", "hard", "random"),
+        choices=("all", "hard", "random", "flights"),
         help="all: beside the peers, and the planner's own figures; hard: the hard sets;"
-        " random: new problems like those of the case files",
+        " random: new problems like those of the case files; flights: the published manoeuvres",
     )
     parser.add_argument("--quick", action="store_true", help="a few problems, once each")
     parser.add_argument("--count", type=int, default=300, help="problems of each hard set")
@@ -84,6 +85,8 @@ def main(arguments: list[str] | None = None) -> int:
     warm_up(notify=lambda message: print(message, file=sys.stderr))
     if options.what == "all":
         tables, name = _all(options.quick), "results"
+    elif options.what == "flights":
+        tables, name = [flights()], "flights"
     elif options.what == "random":
         tables, name = [_random(options.seed, options.count)], "random"
     else:
