@@ -67,7 +67,8 @@ def quaternion_multiply(left: ArrayLike, right: ArrayLike) -> Array:
     if p.shape != q.shape:
         p, q = np.broadcast_arrays(p, q)
     shape = p.shape
-    p, q = np.ascontiguousarray(p).reshape(-1, 4), np.ascontiguousarray(q).reshape(-1, 4)
+    # Copies, because code compiled for read-only arrays may round the last bit another way.
+    p, q = np.array(p, order="C").reshape(-1, 4), np.array(q, order="C").reshape(-1, 4)
     product = _multiply(p, q)
     return np.asarray(product.reshape(shape))
 
@@ -130,7 +131,7 @@ def matrix_to_quaternion(matrix: ArrayLike) -> Array:
     taken, so no precision is lost at any angle (Shepperd 1978).
     """
     m = np.asarray(matrix, dtype=float)
-    flat = _shepperd(np.ascontiguousarray(m).reshape(-1, 3, 3))
+    flat = _shepperd(np.array(m, order="C").reshape(-1, 3, 3))
     return np.asarray(flat.reshape(*m.shape[:-2], 4))
 
 

@@ -26,6 +26,7 @@ from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import geometry
 from msg_adapters.trajectory import samples_from_reference
+from riem_planner.node.main import spin_on
 from riem_planner.node.planner_node import PlannerNode
 from riem_planner.node.timeline import Setpoint
 
@@ -98,7 +99,7 @@ class Bench:
 
     def _spin(self, executor):
         try:
-            executor.spin()
+            spin_on(executor)
         except ExternalShutdownException:
             pass
         except Exception as error:

@@ -156,11 +156,15 @@ def test_same_problem_gives_the_same_bits(problem, capsys):
     assert without_times(texts[0]) == without_times(texts[1])
 
 
-def test_workers_give_the_same_bits_as_one_process(capsys):
+def test_workers_give_the_same_bits_as_one_process():
+    # Both in processes that load the kernels: one that compiles them may differ in the last bit.
     texts = []
     for jobs in ("1", "2"):
-        assert command.main([str(TEXTBOOK), "--jobs", jobs]) == command.SOLVED
-        texts.append(capsys.readouterr().out)
+        run = subprocess.run(
+            [sys.executable, "-m", "riem_planner.offline.command", str(TEXTBOOK), "--jobs", jobs],
+            capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        texts.append(run.stdout)
     assert without_times(texts[0]) == without_times(texts[1])
 
 
