@@ -8,7 +8,6 @@ import signal
 import sys
 import threading
 from types import FrameType
-from typing import Any
 
 STOP_WITHIN = 0.5
 """Time given to the executor to end [s]."""
@@ -24,17 +23,6 @@ def _settle() -> None:
     """
     gc.collect()
     gc.freeze()
-
-
-def spin_on(executor: Any) -> None:
-    """Spin until shutdown, over one race of rclpy: a timer cancelled just as it fell due."""
-    while True:
-        try:
-            executor.spin()
-            return
-        except Exception as error:
-            if "timer is canceled" not in str(error):
-                raise
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -54,11 +42,12 @@ def main(arguments: list[str] | None = None) -> int:
 
     # Here, so that a signal during the second that these imports take is answered as well.
     import rclpy
-    from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
+    from rclpy.executors import ExternalShutdownException
     from rclpy.logging import get_logger
     from rclpy.signals import SignalHandlerOptions
 
     from riem_planner.errors import InvalidProblemError
+    from riem_planner.node.executor import NodeExecutor
     from riem_planner.node.planner_node import PlannerNode
 
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
@@ -68,14 +57,14 @@ def main(arguments: list[str] | None = None) -> int:
         get_logger("riem_planner").fatal(f"parameter {error}")
         rclpy.try_shutdown()
         return 2
-    executor = MultiThreadedExecutor(num_threads=3)
+    executor = NodeExecutor(node.fault)
     executor.add_node(node)
 
     faults: list[BaseException] = []
 
     def spin() -> None:
         try:
-            spin_on(executor)
+            executor.spin()
         except ExternalShutdownException:
             pass
         except BaseException as error:

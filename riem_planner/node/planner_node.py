@@ -13,7 +13,6 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseArray, QuaternionStamped
 from lifecycle_msgs.srv import ChangeState
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.exceptions import InvalidHandle
@@ -35,6 +34,7 @@ from msg_adapters.pose_array import cdr_from_orientations
 from msg_adapters.trajectory import SetpointMessage, reference_from_samples
 from riem_planner.node import health, outputs
 from riem_planner.node.events import Event, Level, Proposal
+from riem_planner.node.executor import BesideGroup
 from riem_planner.node.inputs import Inputs, overriding
 from riem_planner.node.mission import BACKWARD_NS, FORWARD_NS, Mission
 from riem_planner.node.parameters import Parameters
@@ -109,7 +109,7 @@ class PlannerNode(LifecycleNode):
         self._create_services()
         self._guard_transitions()
         self._delivered = self.create_guard_condition(self._take_results)
-        self._worker = Worker(self._deliver, self._fault)
+        self._worker = Worker(self._deliver, self.fault)
         self._create_timers()
         self._report_unknown()
 
@@ -174,16 +174,13 @@ class PlannerNode(LifecycleNode):
 
     def _create_timers(self) -> None:
         self._streamer = Streamer(
-            self._stream, lambda: self.settings.period_ns, self._simulated_ns, self._fault
+            self._stream, lambda: self.settings.period_ns, self._simulated_ns, self.fault
         )
-        self._tick_timer = self.create_timer(TICK, self._tick)
+        self.create_timer(TICK, self._tick)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._health_timer = self.create_timer(1.0, self._report_health, clock=steady)
-        self._tick_timer.cancel()
+        self.create_timer(1.0, self._report_health, clock=steady)
         if self.get_parameter("autostart").value:
-            self._start_timer = self.create_timer(
-                0.0, self._autostart, callback_group=self._transitions, clock=steady
-            )
+            self.create_guard_condition(self._autostart, self._transitions).trigger()
 
     def _guard_transitions(self) -> None:
         """Answer an invalid transition request with a refusal.
@@ -192,7 +189,7 @@ class PlannerNode(LifecycleNode):
         """
         service = self._service_change_state
         # A transition may wait for a stop, and everything else goes on meanwhile.
-        self._transitions = MutuallyExclusiveCallbackGroup()
+        self._transitions = BesideGroup()
         self._transitions.add_entity(service)
         service.callback_group = self._transitions
         change = service.callback
@@ -222,7 +219,6 @@ class PlannerNode(LifecycleNode):
     # Lifecycle ----------------------------------------------------------------------------------
 
     def _autostart(self) -> None:
-        self._start_timer.cancel()
         if self._state_machine.current_state[1] != "unconfigured":
             return
         if self.trigger_configure() == SUCCESS:
@@ -262,7 +258,6 @@ class PlannerNode(LifecycleNode):
         """Begin to plan and to stream."""
         result = super().on_activate(state)
         self._streamer.start()
-        self._tick_timer.reset()
         with self.calls() as now_ns:
             self.mission.activate(now_ns)
             if self.settings.goal_orientation is not None:
@@ -275,7 +270,7 @@ class PlannerNode(LifecycleNode):
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Come to rest along a certified stop, then end the stream."""
         self._come_to_rest()
-        self._stop_timers()
+        self._stop_streaming()
         with self._lock:
             self.mission.deactivate()
             self._shown = None
@@ -301,9 +296,8 @@ class PlannerNode(LifecycleNode):
                 return
             time.sleep(0.02)
 
-    def _stop_timers(self) -> None:
+    def _stop_streaming(self) -> None:
         self._streamer.stop()
-        self._tick_timer.cancel()
         self._watch.pause()
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -315,14 +309,14 @@ class PlannerNode(LifecycleNode):
         """Come to rest, if it is active, and end."""
         if self.mission.active:
             self._come_to_rest()
-        self._stop_timers()
+        self._stop_streaming()
         self._forget()
         return super().on_shutdown(state)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
         """After a fault in a transition: back to unconfigured."""
         self.get_logger().error("a transition failed; the node is unconfigured")
-        self._stop_timers()
+        self._stop_streaming()
         self._forget()
         return SUCCESS
 
@@ -362,7 +356,7 @@ class PlannerNode(LifecycleNode):
                 yield self.now_ns()
                 self._follow_up()
             except Exception as error:
-                self._fault(f"{type(error).__name__}: {error}")
+                self.fault(f"{type(error).__name__}: {error}")
 
     def _follow_up(self) -> None:
         mission = self.mission
@@ -383,7 +377,8 @@ class PlannerNode(LifecycleNode):
         if not self._closing:
             self._delivered.trigger()
 
-    def _fault(self, sentence: str) -> None:
+    def fault(self, sentence: str) -> None:
+        """Tell of an error that nothing else has caught."""
         if not self._closing:
             self.get_logger().error(f"fault, the stream goes on: {sentence}")
 
@@ -393,6 +388,8 @@ class PlannerNode(LifecycleNode):
                 self.mission.accept(self._results.popleft(), now_ns)
 
     def _tick(self) -> None:
+        if not self.mission.active:
+            return
         with self.calls() as now_ns:
             self.mission.tick(now_ns)
         version, drawn = self._drawn

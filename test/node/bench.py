@@ -14,7 +14,7 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from nav_msgs.msg import Odometry
 from rcl_interfaces.srv import DescribeParameters, SetParameters, SetParametersAtomically
 from rclpy.context import Context
-from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -26,7 +26,7 @@ from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import geometry
 from msg_adapters.trajectory import samples_from_reference
-from riem_planner.node.main import spin_on
+from riem_planner.node.executor import NodeExecutor
 from riem_planner.node.planner_node import PlannerNode
 from riem_planner.node.timeline import Setpoint
 
@@ -87,7 +87,7 @@ class Bench:
         self.closing = False
         self.failure = None
         self.executors = [
-            MultiThreadedExecutor(num_threads=3, context=self.context),
+            NodeExecutor(self.node.fault, context=self.context),
             SingleThreadedExecutor(context=self.context),
         ]
         self.threads = []
@@ -99,7 +99,7 @@ class Bench:
 
     def _spin(self, executor):
         try:
-            spin_on(executor)
+            executor.spin()
         except ExternalShutdownException:
             pass
         except Exception as error:
