@@ -24,7 +24,14 @@ from riem_planner.solution import Alternative, Solution, Status
 from riem_planner.solver.curves import crosses_cut
 from riem_planner.solver.descent import positive_definite
 from riem_planner.solver.extremal import Extremal, extremal_near
-from riem_planner.solver.search import Curve, Search, global_search, local_search, roadmap_search
+from riem_planner.solver.search import (
+    WORTHLESS,
+    Curve,
+    Search,
+    global_search,
+    local_search,
+    roadmap_search,
+)
 from riem_planner.solver.setup import Setup, set_up
 from riem_planner.solver.watch import InterruptedSolveError, Watch
 from riem_planner.trajectory import Trajectory
@@ -35,7 +42,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _MOST_RESULTS = 3  # extremals that are computed for one problem
-_FINER = (0.3, 0.12)  # of the mesh density's integral between nodes, where shooting failed
+# Of the mesh density's integral between nodes, where shooting failed; each mesh fits better.
+_FINER = (0.3, 0.12, 0.12, 0.12)
 _ROADMAP_TIME = 0.5  # s that the last resort may take
 _INERTIA_NODES = 100  # about as many as decide whether an extremal is a minimum
 _CUT_SAMPLES = 100  # an interval, for the part of the cost that rounding the cut locus hides
@@ -229,9 +237,12 @@ def _best(
     """The cheapest certified extremal near the curves, the others as alternatives."""
     extremals: list[Extremal] = []
     for curve in found.minima:
-        if len(extremals) == _MOST_RESULTS:
+        worthless = bool(extremals) and curve.cost > WORTHLESS * extremals[0].cost
+        if len(extremals) == _MOST_RESULTS or worthless:
             break
-        extremal = _extremal(setup, found, curve, tolerance, watch)
+        # What only is an alternative is worth less effort.
+        finer = _FINER[:2] if extremals else _FINER
+        extremal = _extremal(setup, found, curve, finer, tolerance, watch)
         if extremal is not None and not any(_same(extremal, other) for other in extremals):
             extremals.append(extremal)
     extremals.sort(key=lambda extremal: extremal.cost)
@@ -288,15 +299,21 @@ def _best(
 
 
 def _extremal(
-    setup: Setup, found: Search, curve: Curve, tolerance: float, watch: Watch
+    setup: Setup,
+    found: Search,
+    curve: Curve,
+    finer: tuple[float, ...],
+    tolerance: float,
+    watch: Watch,
 ) -> Extremal | None:
     """The extremal near a curve; where Newton's method fails, near the curve on finer nodes."""
     extremal = extremal_near(setup, curve.times, curve.q, tolerance, watch)
-    for finer in _FINER:
+    for interval in finer:
         if extremal is not None:
             break
-        curve = found.finer(curve, finer)
-        extremal = extremal_near(setup, curve.times, curve.q, tolerance, watch, 2.0 * finer)
+        curve, _ = found.finer(curve, interval)
+        if curve.cost < np.inf:
+            extremal = extremal_near(setup, curve.times, curve.q, tolerance, watch, 2.0 * interval)
     return extremal
 
 
@@ -321,15 +338,16 @@ def _stated_cost(
     problem: Problem, setup: Setup, extremal: Extremal, trajectory: Trajectory
 ) -> float:
     """Normalised cost with the potentials as stated, kinks at the cut locus included."""
-    near = np.flatnonzero(crosses_cut(setup.table, extremal.times, extremal.states))
+    crossing = crosses_cut(setup.table, extremal.times, extremal.states)
+    near = np.flatnonzero(crossing.any(axis=0))
     if near.size == 0:
         return extremal.cost
     share = np.linspace(0.0, 1.0, _CUT_SAMPLES + 1)
     begin, end = extremal.times[near], extremal.times[near + 1]
-    times = (begin[:, None] + (end - begin)[:, None] * share).ravel()
-    physical = np.minimum(times * problem.duration, trajectory.duration)
+    times = begin[:, None] + (end - begin)[:, None] * share
+    physical = np.minimum(times.ravel() * problem.duration, trajectory.duration)
     q = so3.quaternion_multiply(trajectory.evaluate_quaternion(physical)[0], setup.body)
-    hidden = rounding(setup.table, times, q).reshape(near.size, -1)
+    hidden = rounding(setup.table, crossing[:, near], times, q.reshape(*times.shape, 4))
     trapezoids = 0.5 * (hidden[:, 1:] + hidden[:, :-1]).sum(axis=1) * (end - begin) / _CUT_SAMPLES
     return extremal.cost + 0.5 * float(trapezoids.sum())
 

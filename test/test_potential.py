@@ -10,7 +10,12 @@ from taylor import remainder_order
 
 from riem_planner import OrientationObstacle, Problem, State, Zone
 from riem_planner.geometry import so3
-from riem_planner.obstacles.potential import CUT_WIDTH, potential, row_margins
+from riem_planner.obstacles.potential import (
+    CUT_WIDTH,
+    first_derivatives,
+    potential,
+    row_margins,
+)
 from riem_planner.obstacles.table import obstacle_table, packed
 
 DURATION = 3.0
@@ -311,6 +316,15 @@ def with_frame(obstacle, G):
     if isinstance(obstacle, OrientationObstacle):
         return replace(obstacle, orientation=G @ obstacle.orientation, rate=G @ obstacle.rate)
     return replace(obstacle, direction=G @ obstacle.direction, rate=G @ obstacle.rate)
+
+
+def test_first_derivatives_alone_are_those_of_the_potential():
+    table = table_of(OBSTACLES["all"])
+    rng = np.random.default_rng(5)
+    for q in rng.normal(size=(50, 4)):
+        q /= np.linalg.norm(q)
+        both = potential(table, 0.3, *q, 0.0)
+        np.testing.assert_allclose(first_derivatives(table, 0.3, *q), both[:4], rtol=1e-12)
 
 
 def test_both_signs_of_a_quaternion_are_the_same_attitude():

@@ -156,18 +156,16 @@ def test_hard_problems_are_certified_and_right(name):
         assert judged(case, solution) == []
 
 
-@pytest.mark.parametrize(("name", "count"), [("50 obstacles", 2), ("zones 60 %", 4)])
-def test_clutter_is_solved_or_refused_with_a_reason_never_wrong(name, count):
+# In the last two a path over a grid is clear, and a descent on softer potentials loses it.
+@pytest.mark.parametrize(
+    ("name", "indices"), [("50 obstacles", (0, 1)), ("zones 60 %", (0, 1, 2, 3, 58, 99))]
+)
+def test_clutter_is_solved_and_right(name, indices):
     make = makers()[name]
-    cases = [make(index) for index in range(count)]
-    solutions = solve_many(map(problem_of, cases))
-    for case, solution in zip(cases, solutions, strict=True):
-        if solution.solved:
-            assert judged(case, solution) == []
-        else:
-            assert solution.status is Status.NO_CERTIFIED_TRAJECTORY
-            assert solution.status.advice in solution.message
-    assert np.mean([solution.solved for solution in solutions]) >= 0.5
+    cases = [make(index) for index in indices]
+    for case, solution in zip(cases, solve_many(map(problem_of, cases)), strict=True):
+        assert solution.solved, (case["name"], solution.message)
+        assert judged(case, solution) == []
 
 
 # Statuses

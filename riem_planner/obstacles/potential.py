@@ -144,30 +144,9 @@ def _placed(table, i, time):
     )
 
 
-@kernel
-def potential(table, time, x, y, z, w, soft):
-    """Sum of the potentials at an attitude, with body gradient and covariant Hessian.
-
-    Parameters
-    ----------
-    table : (n, 16)
-        Packed obstacles.
-    time
-        Normalised time.
-    x, y, z, w
-        Unit quaternion.
-    soft
-        Margin [rad] below which potentials are extended by quadratics, so that they are finite
-        and push outward everywhere; 0 for the potentials themselves, infinite where violated.
-
-    Returns
-    -------
-    V
-    G0, G1, G2
-        Body gradient.
-    H00, H11, H22, H01, H02, H12
-        Covariant Hessian.
-    """
+@inlined
+def _sum(table, time, x, y, z, w, soft):
+    """What `potential` returns; what its caller leaves unused is never computed."""
     total = 0.0
     G0, G1, G2 = 0.0, 0.0, 0.0
     H00, H11, H22, H01, H02, H12 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -299,6 +278,40 @@ def potential(table, time, x, y, z, w, soft):
 
 
 @kernel
+def potential(table, time, x, y, z, w, soft):
+    """Sum of the potentials at an attitude, with body gradient and covariant Hessian.
+
+    Parameters
+    ----------
+    table : (n, 16)
+        Packed obstacles.
+    time
+        Normalised time.
+    x, y, z, w
+        Unit quaternion.
+    soft
+        Margin [rad] below which potentials are extended by quadratics, so that they are finite
+        and push outward everywhere; 0 for the potentials themselves, infinite where violated.
+
+    Returns
+    -------
+    V
+    G0, G1, G2
+        Body gradient.
+    H00, H11, H22, H01, H02, H12
+        Covariant Hessian.
+    """
+    return _sum(table, time, x, y, z, w, soft)
+
+
+@kernel
+def first_derivatives(table, time, x, y, z, w):
+    """The potential and its body gradient alone: V, G0, G1, G2 as those of `potential`."""
+    V, G0, G1, G2 = _sum(table, time, x, y, z, w, 0.0)[:4]
+    return V, G0, G1, G2
+
+
+@kernel
 def towards(table, i, time, x, y, z, w):
     """Distance d [rad] of an attitude to obstacle i, and the body rotation that lessens it.
 
@@ -325,26 +338,34 @@ def towards(table, i, time, x, y, z, w):
 
 
 @kernel
-def rounding(table, times, q):
-    """Potentials as stated minus those with the rounded cut locus, (n,) along a curve.
+def rounding(table, crossing, times, q):
+    """Potentials as stated minus those with the rounded cut locus, along intervals of a curve.
 
     Parameters
     ----------
-    table : (m, 16)
-    times : (n,)
+    table : (n, 16)
+    crossing : (n, M)
+        Whether obstacle i may have its cut locus near interval k.
+    times : (M, s)
         Normalised.
-    q : (n, 4)
+    q : (M, s, 4)
+
+    Returns
+    -------
+    (M, s)
     """
-    out = np.zeros(times.size)
+    out = np.zeros(times.shape)
     for i in range(table.shape[0]):
-        if table[i, GROUP] >= 0.0 or table[i, RANGE_ON] < np.inf:
-            continue
         r, tau = table[i, RADIUS], table[i, STRENGTH]
-        for k in range(times.size):
-            d = towards(table, i, times[k], q[k, 0], q[k, 1], q[k, 2], q[k, 3])[0]
-            eta = np.pi - d
-            if eta < CUT_WIDTH:
-                out[k] += tau / (d - r) ** 2 - tau / (np.pi - _rounded(eta * eta) - r) ** 2
+        for k in range(times.shape[0]):
+            if not crossing[i, k]:
+                continue
+            for j in range(times.shape[1]):
+                x, y, z, w = q[k, j]
+                d = towards(table, i, times[k, j], x, y, z, w)[0]
+                eta = np.pi - d
+                if eta < CUT_WIDTH:
+                    out[k, j] += tau / (d - r) ** 2 - tau / (np.pi - _rounded(eta * eta) - r) ** 2
     return out
 
 

@@ -9,6 +9,7 @@ from riem_planner.obstacles.potential import CUT_WIDTH, potential, towards
 from riem_planner.obstacles.table import GROUP, RADIUS, RANGE_ON, RATE
 from riem_planner.solver.quaternions import relative, turn
 
+_PARTS = 8  # of an interval, where obstacles are looked for
 _NEAR = 1.2  # rad from its edge, within which an obstacle has another side worth a try
 
 
@@ -225,22 +226,38 @@ def reflect(pointing, table, i, times, q, out):
 
 @kernel
 def coarseness(table, times, q):
-    """Largest angle between neighbours over their distance to an obstacle's edge.
+    """How well the nodes of a discretised curve see the obstacles that it passes.
 
-    Above about 1 a discretised curve may have passed through an obstacle unseen.
+    Returns
+    -------
+    ratio
+        Largest angle between neighbours over their distance to an obstacle's edge: above about 1
+        the curve may pass through an obstacle unseen.
+    depth
+        How deep the geodesics between neighbours run into an obstacle [rad]; 0 if they don't.
     """
-    worst = 0.0
-    xi = np.empty(3)
+    ratio, depth = 0.0, 0.0
+    xi, between = np.empty(3), np.empty(4)
     for k in range(q.shape[0] - 1):
         relative(q[k], q[k + 1], xi)
         angle = np.sqrt(xi[0] ** 2 + xi[1] ** 2 + xi[2] ** 2)
         margin = np.pi
-        for i in range(table.shape[0]):
-            if table[i, GROUP] < 0.0:
-                d = towards(table, i, times[k], q[k, 0], q[k, 1], q[k, 2], q[k, 3])[0]
-                margin = min(margin, d - table[i, RADIUS])
-        worst = max(worst, angle / max(margin, 1e-9))
-    return worst
+        for part in range(_PARTS):
+            if part == 1 and angle < margin:
+                break
+            share = part / _PARTS
+            turn(q[k], xi, share, between)
+            x, y, z, w = between
+            t = times[k] + share * (times[k + 1] - times[k])
+            least = np.pi
+            for i in range(table.shape[0]):
+                if table[i, GROUP] < 0.0:
+                    least = min(least, towards(table, i, t, x, y, z, w)[0] - table[i, RADIUS])
+            if part == 0:
+                margin = least
+            depth = max(depth, -least)
+        ratio = max(ratio, angle / max(margin, 1e-9))
+    return ratio, depth
 
 
 @kernel
@@ -259,7 +276,7 @@ def resampled(times, q, new_times):
 
 @kernel
 def crosses_cut(table, times, states):
-    """Intervals (M,) that may come within CUT_WIDTH of the cut locus of an obstacle.
+    """Whether obstacle i may have its cut locus within CUT_WIDTH of interval k, (n, M).
 
     Parameters
     ----------
@@ -267,7 +284,7 @@ def crosses_cut(table, times, states):
     states : (M + 1, 13)
     """
     M = times.size - 1
-    near = np.zeros(M, dtype=np.bool_)
+    near = np.zeros((table.shape[0], M), dtype=np.bool_)
     for i in range(table.shape[0]):
         if table[i, GROUP] >= 0.0 or table[i, RANGE_ON] < np.inf:
             continue
@@ -283,7 +300,7 @@ def crosses_cut(table, times, states):
                 )
                 reach = 0.5 * (before + d + speed * (times[k] - times[k - 1]))
                 if reach > np.pi - CUT_WIDTH:
-                    near[k - 1] = True
+                    near[i, k - 1] = True
             before = d
     return near
 
@@ -368,12 +385,15 @@ def ways_round(pointing, start, goal):
         costs[m] = 2.0 * cost
     # Both ways always, further turns only where they are straighter than these.
     limit = max(costs[0], costs[1])
-    order = np.argsort(costs, kind="mergesort")
     chosen = np.empty(5 + extra, dtype=np.int64)
     count = 0
-    for m in order:
+    for m in range(5 + extra):
         if m < 2 or m >= 5 or costs[m] < limit:
-            chosen[count] = m
+            place = count
+            while place > 0 and costs[m] < costs[chosen[place - 1]]:
+                chosen[place] = chosen[place - 1]
+                place -= 1
+            chosen[place] = m
             count += 1
     chosen = chosen[:count]
     length = 0.0

@@ -275,12 +275,12 @@ def factor(first, last, D, L1, L2, C, M1, M2, shift, stencil):
 
     C holds the lower triangular diagonal blocks, M1 and M2 the blocks below them.
     """
-    C[:, :, :] = D
-    M1[:, :, :] = L1
-    M2[:, :, :] = L2
-    if shift > 0.0:
-        for k in range(first, last):
-            for i in range(3):
+    for k in range(first, last):
+        for i in range(3):
+            # By elements: Numba takes seconds to compile the copy of a whole array.
+            for j in range(3):
+                C[k, i, j], M1[k, i, j], M2[k, i, j] = D[k, i, j], L1[k, i, j], L2[k, i, j]
+            if shift > 0.0:
                 C[k, i, i] += shift * stencil[k, 0]
                 M1[k, i, i] += shift * stencil[k, 1]
                 M2[k, i, i] += shift * stencil[k, 2]
@@ -444,7 +444,9 @@ def descend(
             if memory[0] > 1e9:
                 return cost, iteration, False
             continue
-        q[:, :] = trial
+        for k in range(1, n):
+            for i in range(4):
+                q[k, i] = trial[k, i]
         cost = trial_cost
         gradient, trial_gradient = trial_gradient, gradient
         D, E = E, D

@@ -75,11 +75,13 @@ def extremal_near(
         interval, _LEAST_INTERVALS, _MOST_INTERVALS,
     )  # fmt: skip
     result = None
+    far = np.inf
     for _ in range(_MOST_MESHES):
-        refined = _on_mesh(setup, mesh, states, tolerance, watch)
+        refined = _on_mesh(setup, mesh, states, far, tolerance, watch)
         if refined is None:
             return result
         result, split = refined
+        far = result.error
         if not split.any() or mesh.size + int(split.sum()) > _MOST_BISECTED:
             break
         mesh, states = _bisected(mesh, states, result, split)
@@ -87,41 +89,50 @@ def extremal_near(
 
 
 def _on_mesh(
-    setup: Setup, mesh: Array, states: Array, tolerance: float, watch: Watch
+    setup: Setup, mesh: Array, states: Array, far: float, tolerance: float, watch: Watch
 ) -> tuple[Extremal, NDArray[np.bool_]] | None:
-    """Solve on a mesh; the extremal at nodes and half-way, and which intervals to bisect."""
+    """Solve on a mesh; the extremal at nodes and half-way, and which intervals to bisect.
+
+    `far` is how far [rad] the states are from it, roughly.
+    """
     M = mesh.size - 1
     fixed = (setup.pointing, setup.table, setup.sigma, mesh, states)
-    defects, local, step = np.empty((M, 12)), np.empty((M, 12)), np.empty((M + 1, 12))
-    middles, interpolation = np.empty((M, 13)), np.empty(M)
-    size, previous = np.inf, np.inf
+    defects, whole, step = np.empty((M, 12)), np.empty((M, 13)), np.empty((M + 1, 12))
+    middles, costs, interpolation = np.empty((M, 13)), np.empty(M), np.empty(M)
+    size, previous = far, np.inf
     residual, sensitivity = np.inf, 1.0
-    cost, difference = np.nan, np.empty(M)
+    local = difference = None
     for _ in range(_MOST_NEWTON_STEPS):
         near = size < _NEAR
         if near:
-            cost = shooting.measure(*fixed, defects, middles, local, interpolation, difference)
+            shooting.measure(*fixed, defects, middles, costs, interpolation)
+            if np.inf in costs:
+                return None  # it runs through an obstacle
             before, residual = residual, float(np.abs(defects).max())
             stalled = residual > 0.5 * before and residual < _ROUNDING
-            if sensitivity * residual <= 0.1 * tolerance or stalled:
+            if local is not None and (sensitivity * residual <= 0.1 * tolerance or stalled):
                 break
         watch.count()
-        if not shooting.newton(*fixed, setup.goal, defects, near, step):
+        if not shooting.newton(*fixed, setup.goal, defects, near, whole, step):
             return None
         previous = size
         size = shooting.advance(states, step, 1.0)
         if not size < _DIVERGED or (size > 4.0 * previous and previous < np.inf):
             return None
         if near:
+            # What halving the steps changes; it hardly depends on the states.
+            local, difference = defects - whole[:, :12], np.abs(costs - whole[:, 12])
             # Least at 1: a lucky step must not make the estimate small.
             sensitivity = max(1.0, size / max(residual, 1e-300))
     else:
         return None
-    gain = np.where(crosses_cut(setup.table, mesh, states), 1.0 / _HALVING_AT_CUT, 1.0 / _HALVING)
+    cost = float(costs.sum())
+    crossing = crosses_cut(setup.table, mesh, states).any(axis=0)
+    gain = np.where(crossing, 1.0 / _HALVING_AT_CUT, 1.0 / _HALVING)
     # The Newton step that would take away what is left, defects and half steps' own errors alike.
     left = defects + gain[:, None] * local
     watch.count()
-    if not shooting.newton(*fixed, setup.goal, left, True, step):
+    if not shooting.newton(*fixed, setup.goal, left, True, whole, step):
         return None
     discretisation = _SAFETY * float(np.linalg.norm(step[:, :3], axis=1).max())
     between = _SAFETY * interpolation

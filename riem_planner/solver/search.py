@@ -30,16 +30,21 @@ _SOFT_ZONES = (1.0, 0.5, 0.25, 0.1, 0.05, 0.02)
 _SOFT_LAST = (0.01, 0.003)
 _SOFT_AGAIN = (0.1, 0.03)
 _SOFT_WARM = (0.05,)
-_SOFT_PATH = (0.01, 0.02)
+_SOFT_PATH: tuple[tuple[float, ...], ...] = ((), (0.01,), (0.02,))
 _ROUGH, _FINE = 1e-2, 1e-9
 _COARSE = 0.7  # angle between nodes over the margin, above which the curve is made finer
+_DEEP = 0.1  # rad that a curve may run into an obstacle between its nodes, to be of any use
 _FINER = (0.5, 0.25)  # of the mesh density's integral between nodes
 _NODES_FINE = 400
 _MOST_ITERATIONS = 60
+_MOST_FINER = 20  # from a curve that is a minimum already but for its nodes
 _SAME_COST = 1e-4
+_SAME_CURVE = 1e-7
 _MOST_DESCENTS = 16
 _WORTH_CROSSING = 1.2  # of the best cost, up to which a curve's other sides are tried
 _HOPELESS = 2.0  # of the best cost, that a way round costs without obstacles
+WORTHLESS = 10.0
+"""Of the best cost, above which another class is of no use."""
 
 
 @dataclass(eq=False)
@@ -69,6 +74,7 @@ class Search:
     watch: Watch
     times: Array
     minima: list[Curve] = field(default_factory=list)
+    _seen: list[float] = field(default_factory=list)
 
     def add(self, q: Array, softs: tuple[float, ...]) -> bool:
         """Descend from a curve, and both ways off a saddle; whether a new minimum came of it."""
@@ -92,54 +98,95 @@ class Search:
     def _relax(self, q: Array, softs: tuple[float, ...], side: float) -> tuple[Curve | None, bool]:
         """Descend while the potentials harden; the exact minimum, and whether a saddle was left."""
         memory = np.zeros(2)
-        for soft in (*softs, *_SOFT_LAST):
-            cost = self._stage(self.times, q, soft, _ROUGH, side, memory)
-            exact = self._cost(q)
-            if np.isfinite(exact) and (soft <= softs[-1] or exact == cost):
-                break
-        else:
-            return None, memory[1] > 0.0
-        curve = Curve(self.times, q, self._stage(self.times, q, 0.0, _FINE, side, memory))
-        for interval in _FINER:
-            finite = np.isfinite(curve.cost)
-            if finite and curves.coarseness(self.setup.table, curve.times, curve.q) < _COARSE:
-                break
-            curve = self.finer(curve, interval)
-        return (curve if np.isfinite(curve.cost) else None), memory[1] > 0.0
+        curve = self._descended(q, softs, side, memory)
+        return (None if curve is None else self._seen_through(curve)), memory[1] > 0.0
 
-    def finer(self, curve: Curve, interval: float) -> Curve:
-        """The curve on nodes that span `interval` of the mesh density's integral each."""
+    def _descended(
+        self, q: Array, softs: tuple[float, ...], side: float, memory: Array
+    ) -> Curve | None:
+        """The minimum on the search's nodes; None if there is none, or if it is known."""
+        hardest = min(softs, default=np.inf)
+        exact = np.inf if softs else self._cost(q)
+        for soft in (*softs, *_SOFT_LAST):
+            if np.isfinite(exact) and soft < hardest:
+                break
+            cost, _ = self._stage(self.times, q, soft, _ROUGH, side, memory)
+            exact = self._cost(q)
+            if exact == cost:
+                break
+        if not np.isfinite(exact):
+            return None
+        cost, _ = self._stage(self.times, q, 0.0, _FINE, side, memory)
+        # To make a curve finer takes longer than to find it: once is enough.
+        if any(abs(cost - other) <= _SAME_CURVE * other for other in self._seen):
+            return None
+        self._seen.append(cost)
+        return Curve(self.times, q, cost)
+
+    def _seen_through(self, curve: Curve) -> Curve | None:
+        """The curve on nodes fine enough to see what it passes; None if it is of no use."""
+        for interval in _FINER:
+            ratio, depth = curves.coarseness(self.setup.table, curve.times, curve.q)
+            if depth > _DEEP:
+                return None
+            if ratio < _COARSE and np.isfinite(curve.cost):
+                break
+            finer, converged = self.finer(curve, interval)
+            # Coarse nodes may hide a way through an obstacle, which finer ones then push out of.
+            if self.minima and not (converged and finer.cost < WORTHLESS * self.minima[0].cost):
+                return None
+            if np.isfinite(curve.cost) and not converged and depth == 0.0:
+                break  # the only one so far: the certificate will tell
+            curve = finer
+        return curve if np.isfinite(curve.cost) else None
+
+    def finer(self, curve: Curve, interval: float) -> tuple[Curve, bool]:
+        """The curve on nodes that span `interval` of the mesh density's integral each.
+
+        Also whether the descent soon converged: mostly, if not, the coarse nodes hid a way through
+        an obstacle.
+        """
         s = self.setup
         times, states = curves.mesh_and_states(
             s.pointing, s.table, curve.times, s.lifted(curve.q), s.start, s.goal,
             interval, curve.times.size, _NODES_FINE,
         )  # fmt: skip
         begin = s.with_goal(np.ascontiguousarray(states[:, :4]))
+        result = Curve(times, begin, np.inf)
         # Softer potentials only where hard ones fail: they let a curve slip out of a narrow gap.
-        for softs in ((), _SOFT_AGAIN):
+        for softs in ((), _SOFT_LAST, (*_SOFT_AGAIN, *_SOFT_LAST)):
             q, memory = begin.copy(), np.zeros(2)
-            for soft in (*softs, *_SOFT_LAST):
-                self._stage(times, q, soft, _ROUGH, 1.0, memory)
-            cost = self._stage(times, q, 0.0, _FINE, 1.0, memory)
-            if np.isfinite(cost):
-                break
-        return Curve(times, q, cost)
+            for soft in softs:
+                self._stage(times, q, soft, _ROUGH, 1.0, memory, _MOST_FINER)
+            cost, converged = self._stage(times, q, 0.0, _FINE, 1.0, memory, _MOST_FINER)
+            if converged:
+                return Curve(times, q, cost), True
+            if cost < result.cost:
+                result = Curve(times, q, cost)
+        return result, False
 
     def _cost(self, q: Array) -> float:
         return float(self._descend(self.times, q, 0.0, 0.0, 1.0, 0, np.zeros(2))[0])
 
     def _stage(
-        self, times: Array, q: Array, soft: float, tolerance: float, side: float, memory: Array
-    ) -> float:
-        left = _MOST_ITERATIONS
+        self,
+        times: Array,
+        q: Array,
+        soft: float,
+        tolerance: float,
+        side: float,
+        memory: Array,
+        most: int = _MOST_ITERATIONS,
+    ) -> tuple[float, bool]:
+        """Descend in place; the cost, and whether it converged."""
         memory[0] = 0.0
         while True:
-            stride = min(self.watch.stride, left)
+            stride = min(self.watch.stride, most)
             cost, done, converged = self._descend(times, q, soft, tolerance, side, stride, memory)
             self.watch.count(done)
-            left -= stride
-            if converged or done < stride or left <= 0:
-                return float(cost)
+            most -= stride
+            if converged or done < stride or most <= 0:
+                return float(cost), bool(converged)
 
     def _descend(
         self,
@@ -268,7 +315,6 @@ def roadmap_search(setup: Setup, watch: Watch) -> Search:
     times, paths = roadmap_curves(setup, watch)
     found = Search(setup, watch, times)
     for q in paths:
-        for soft in _SOFT_PATH:
-            if found.add(q.copy(), (soft,)):
-                break
+        for softs in _SOFT_PATH:
+            found.add(q.copy(), softs)
     return found

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.integrate import DOP853
 
 from riem_planner.compiled import inlined, kernel
-from riem_planner.obstacles.potential import potential
+from riem_planner.obstacles.potential import first_derivatives, potential
 from riem_planner.solver.quaternions import ratio, relative, rotated, turn
 
 _STAGES = 12
@@ -32,18 +32,27 @@ _WIDTH = 16  # with the cost, and padding for the vector unit
 
 
 @inlined
-def _derivative(pointing, table, sigma, time, y, dF, out):
-    """Time derivative of (q, v, a, j, cost); in dF (3, 3) that of the force by a rotation."""
+def _derivative(pointing, table, sigma, time, y, linear, dF, out):
+    """Time derivative of (q, v, a, j, cost).
+
+    If `linear`, also that of the force by a rotation, in dF (3, 3).
+    """
     qx, qy, qz, qw = y[0], y[1], y[2], y[3]
     v0, v1, v2, a0, a1, a2, j0, j1, j2 = (
         y[4], y[5], y[6], y[7], y[8], y[9], y[10], y[11], y[12],
     )  # fmt: skip
-    V, g0, g1, g2, h00, h11, h22, h01, h02, h12 = potential(table, time, qx, qy, qz, qw, 0.0)
-    # F = grad V / 2 changes by (Hessian delta - delta x grad V / 2) / 2.
-    g0, g1, g2 = 0.5 * g0, 0.5 * g1, 0.5 * g2
-    dF[0, 0], dF[0, 1], dF[0, 2] = 0.5 * h00, 0.5 * (h01 - g2), 0.5 * (h02 + g1)
-    dF[1, 0], dF[1, 1], dF[1, 2] = 0.5 * (h01 + g2), 0.5 * h11, 0.5 * (h12 - g0)
-    dF[2, 0], dF[2, 1], dF[2, 2] = 0.5 * (h02 - g1), 0.5 * (h12 + g0), 0.5 * h22
+    if linear:
+        V, g0, g1, g2, h00, h11, h22, h01, h02, h12 = potential(table, time, qx, qy, qz, qw, 0.0)
+        g0, g1, g2 = 0.5 * g0, 0.5 * g1, 0.5 * g2
+        # F = grad V / 2 changes by (Hessian delta - delta x grad V / 2) / 2.
+        dF[0, 0], dF[0, 1], dF[0, 2] = 0.5 * h00, 0.5 * (h01 - g2), 0.5 * (h02 + g1)
+        dF[1, 0], dF[1, 1], dF[1, 2] = 0.5 * (h01 + g2), 0.5 * h11, 0.5 * (h12 - g0)
+        dF[2, 0], dF[2, 1], dF[2, 2] = 0.5 * (h02 - g1), 0.5 * (h12 + g0), 0.5 * h22
+        if pointing:
+            dF[2, 0] = dF[2, 1] = dF[2, 2] = 0.0
+    else:
+        V, g0, g1, g2 = first_derivatives(table, time, qx, qy, qz, qw)
+        g0, g1, g2 = 0.5 * g0, 0.5 * g1, 0.5 * g2
     out[0] = 0.5 * (qw * v0 + qy * v2 - qz * v1)
     out[1] = 0.5 * (qw * v1 + qz * v0 - qx * v2)
     out[2] = 0.5 * (qw * v2 + qx * v1 - qy * v0)
@@ -56,7 +65,6 @@ def _derivative(pointing, table, sigma, time, y, dF, out):
         out[10] = v0 * along - a0 * speed + sigma * a0 - g0
         out[11] = v1 * along - a1 * speed + sigma * a1 - g1
         out[12] = 0.0
-        dF[2, 0] = dF[2, 1] = dF[2, 2] = 0.0
     else:
         out[10] = j1 * v2 - j2 * v1 + sigma * a0 - g0
         out[11] = j2 * v0 - j0 * v2 + sigma * a1 - g1
@@ -136,7 +144,7 @@ def _step(pointing, table, sigma, time, h, y, W, linear, work):
             if f != 0.0:
                 for i in range(_WIDTH):
                     stage[i] += f * k[r, i]
-        _derivative(pointing, table, sigma, time + _C[s] * h, stage, dF, k[s])
+        _derivative(pointing, table, sigma, time + _C[s] * h, stage, linear, dF, k[s])
         if linear:
             for i in range(_SIZE):
                 stage_W[i] = W[i]
@@ -168,10 +176,8 @@ def _difference(state, reference, out):
 
 
 @kernel
-def measure(
-    pointing, table, sigma, times, states, defects, middles, local, interpolation, difference
-):
-    """Defects by two half steps an interval, the states between, cost and local errors.
+def measure(pointing, table, sigma, times, states, defects, middles, costs, interpolation):
+    """Defects by two half steps an interval, the states between, and the cost.
 
     Parameters
     ----------
@@ -182,55 +188,41 @@ def measure(
         Out: end of interval k minus state k + 1.
     middles : (M, 13)
         Out: states half-way.
-    local : (M, 12)
-        Out: difference between two half steps and one whole step.
+    costs : (M,)
+        Out: cost of each interval.
     interpolation : (M,)
         Out: estimated error of the quintics through all these states [rad].
-
-    difference : (M,)
-        Out: difference of the costs by half steps and whole steps.
-
-    Returns
-    -------
-    The cost, by half steps.
     """
     work = _workspace()
-    whole, half, W = np.zeros(_WIDTH), np.zeros(_WIDTH), np.empty(1)
-    cost = 0.0
+    y, W = np.zeros(_WIDTH), np.empty(1)
     first = work[0][0]
     bend = np.empty(3)
     for k in range(times.size - 1):
-        h = times[k + 1] - times[k]
+        h = 0.5 * (times[k + 1] - times[k])
         for i in range(STATE):
-            whole[i] = half[i] = states[k, i]
-        whole[STATE] = half[STATE] = 0.0
-        _step(pointing, table, sigma, times[k], h, whole, W, False, work)
-        _step(pointing, table, sigma, times[k], 0.5 * h, half, W, False, work)
-        middles[k, :] = half[:STATE]
+            y[i] = states[k, i]
+        y[STATE] = 0.0
+        _step(pointing, table, sigma, times[k], h, y, W, False, work)
+        for i in range(STATE):
+            middles[k, i] = y[i]
         for i in range(3):
             bend[i] = first[10 + i]
-        _step(pointing, table, sigma, times[k] + 0.5 * h, 0.5 * h, half, W, False, work)
+        _step(pointing, table, sigma, times[k] + h, h, y, W, False, work)
         for i in range(3):
             bend[i] -= 2.0 * first[10 + i]
-        _derivative(pointing, table, sigma, times[k + 1], half, work[4], first)
-        # A quintic's error is (h/2)^6 / 46080 times the sixth derivative, here by a second
+        _derivative(pointing, table, sigma, times[k + 1], y, False, work[4], first)
+        # A quintic's error is h^6 / 46080 times the sixth derivative, here by a second
         # difference of the fourth.
-        interpolation[k] = (
-            (0.5 * h) ** 4
-            / 46080.0
-            * np.sqrt(
-                (bend[0] + first[10]) ** 2 + (bend[1] + first[11]) ** 2 + (bend[2] + first[12]) ** 2
-            )
-        )
-        _difference(half, states[k + 1], defects[k])
-        _difference(half, whole, local[k])
-        cost += half[STATE]
-        difference[k] = abs(half[STATE] - whole[STATE])
-    return cost
+        for i in range(3):
+            bend[i] += first[10 + i]
+        size = np.sqrt(bend[0] ** 2 + bend[1] ** 2 + bend[2] ** 2)
+        interpolation[k] = h**4 / 46080.0 * size
+        _difference(y, states[k + 1], defects[k])
+        costs[k] = y[STATE]
 
 
 @kernel
-def newton(pointing, table, sigma, times, states, goal, defects, given, step):
+def newton(pointing, table, sigma, times, states, goal, defects, given, whole, step):
     """Newton step of the multiple-shooting equations.
 
     Parameters
@@ -241,6 +233,8 @@ def newton(pointing, table, sigma, times, states, goal, defects, given, step):
         Quaternion and body rate at the end; on S^2 only the direction and its velocity count.
     defects : (M, 12)
         Used where `given`, else overwritten by those of whole steps.
+    whole : (M, 13)
+        Out: defects of whole steps, and the cost of each interval.
     step : (M + 1, 12)
         Out: perturbations of the states that would meet the linearised equations.
 
@@ -272,8 +266,11 @@ def newton(pointing, table, sigma, times, states, goal, defects, given, step):
             y[i] = states[k, i]
         y[STATE] = 0.0
         _step(pointing, table, sigma, times[k], times[k + 1] - times[k], y, W, True, work)
+        _difference(y, states[k + 1], whole[k])
+        whole[k, 12] = y[STATE]
         if not given:
-            _difference(y, states[k + 1], defects[k])
+            for i in range(12):
+                defects[k, i] = whole[k, i]
         E = Y[k + 1]
         for j in range(columns):
             for i in range(12):

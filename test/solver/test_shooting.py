@@ -62,10 +62,12 @@ def on_mesh(problem):
 
 def newton_step(setup, mesh, states):
     """Defects of whole steps, and the Newton step for them."""
-    defects, step = np.empty((mesh.size - 1, 12)), np.empty((mesh.size, 12))
+    defects, whole = np.empty((mesh.size - 1, 12)), np.empty((mesh.size - 1, 13))
+    step = np.empty((mesh.size, 12))
     assert newton(
-        setup.pointing, setup.table, setup.sigma, mesh, states, setup.goal, defects, False, step
-    )
+        setup.pointing, setup.table, setup.sigma, mesh, states, setup.goal,
+        defects, False, whole, step,
+    )  # fmt: skip
     return defects, step
 
 
