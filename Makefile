@@ -4,6 +4,7 @@
 #   make bench    solve times beside the peers'                 make lint    ruff and mypy
 #   make figures  the paper's figures and table                 make soak    the long tests
 #   make clean    remove what the build and the tests left      make setup   only the set-up
+#   make basilisk published manoeuvres flown by Basilisk, and beside its own planner
 #
 # ARGS="..." is passed on: make test ARGS="-k certificate", make run ARGS="--help".
 
@@ -19,6 +20,10 @@ KEY := $(SOURCED)-$(shell cat requirements.txt requirements-test.txt setup.py pa
 	Makefile | cksum | cut -d' ' -f1)
 READY := $(VENV)/.ready-$(KEY)
 
+# Basilisk bounds the versions of its dependencies otherwise than we do; it needs no ROS.
+BASILISK := .venv-basilisk
+BASILISK_READY := $(BASILISK)/.ready-$(shell cksum < requirements-basilisk.txt | cut -d' ' -f1)
+
 # Nothing leaves this machine. The wheels of PyPI don't announce where they are installed.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 export ROS_DOMAIN_ID ?= $(shell echo $$(($$PPID % 101 + 1)))
@@ -26,7 +31,7 @@ export ROS_PYTHON_CHECK_FIELDS ?= 1
 export ROS_LOG_DIR ?= $(CURDIR)/log/ros
 export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_PREFIX_PATH))
 
-.PHONY: run test bench lint figures soak clean setup
+.PHONY: run test bench basilisk lint figures soak clean setup
 .DEFAULT_GOAL := run
 
 # In a terminal the demonstration gets Ctrl-C for itself, so that its exit code is make's.
@@ -41,6 +46,9 @@ soak: $(READY)
 
 bench: $(READY)
 	@$(PY) -m benchmark $(ARGS)
+
+basilisk: $(BASILISK_READY)
+	@PYTHONPATH=$(CURDIR) $(BASILISK)/bin/python -m benchmark.basilisk $(ARGS)
 
 figures: $(READY)
 	@$(PY) -m riem_planner.offline.figures $(ARGS)
@@ -78,7 +86,15 @@ endif
 	@rm -f $(VENV)/.ready-*
 	@touch $@
 
+$(BASILISK_READY):
+	@echo "setting up $(BASILISK) (Basilisk, 1 GB), once; this takes about a minute"
+	@[ -x $(BASILISK)/bin/python ] || $(PYTHON) -m venv $(BASILISK)
+	@$(BASILISK)/bin/python -m pip install --quiet --disable-pip-version-check \
+		-r requirements-basilisk.txt
+	@rm -f $(BASILISK)/.ready-*
+	@touch $@
+
 clean:
 	rm -rf build install log figures .pytest_cache .hypothesis .mypy_cache .ruff_cache .benchmarks
 	rm -rf *.egg-info plan.json plan.png demo.png
-	find . -path ./$(VENV) -prune -o -name __pycache__ -type d -print0 | xargs -0 rm -rf
+	find . \( -path ./$(VENV) -o -path ./$(BASILISK) \) -prune -o -name __pycache__ -type d -print0 | xargs -0 rm -rf
