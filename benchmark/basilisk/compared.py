@@ -25,6 +25,7 @@ from riem_planner.offline.problem_files import read_problem
 
 REFINEMENTS = range(4, 11)  # N of the grid; the scenario's is 8
 _REACHED = np.radians(0.1)
+_SHARE = 0.9  # of the module's margins, by which zones are enlarged to compare at like margins
 
 
 @dataclass(frozen=True)
@@ -33,8 +34,8 @@ class Side:
 
     Parameters
     ----------
-    margin, zone
-        Least distance of the true attitudes to a forbidden set [rad], and which.
+    margins
+        Least distance of the true attitudes to each forbidden set [rad].
     flown, stated
         Effort of the wheels' torques as flown, and of `J v' + v x J v` of the reference.
     solve_time
@@ -43,30 +44,36 @@ class Side:
         Whether the flight ends at the goal.
     """
 
-    margin: float
-    zone: str
+    margins: dict[str, float]
     flown: Effort
     stated: Effort
     solve_time: float
     reached: bool
 
     @property
+    def margin(self) -> float:
+        """To the closest zone [rad]."""
+        return min(self.margins.values())
+
+    @property
     def fault(self) -> str:
         """What is wrong with it, in a few words; empty if nothing is."""
         if not self.reached:
             return "misses the goal"
-        return f"enters {self.zone}" if self.margin <= 0.0 else ""
+        entered = [name for name, margin in self.margins.items() if margin <= 0.0]
+        return f"enters {', '.join(entered)}" if entered else ""
 
 
 @dataclass(frozen=True)
 class Run:
-    """One case, one grid."""
+    """One case, one grid; `like` is ours past zones enlarged by most of the module's margins."""
 
     case: str
     refinement: int
     duration: float
     theirs: Side
     ours: Side
+    like: Side | None
 
     @property
     def square_ratio(self) -> float:
@@ -119,8 +126,9 @@ def _missed(cost: str, runs: list[Run]) -> list[str]:
     missed = []
     for run in runs:
         name = f"{run.case}, {cost}, N = {run.refinement}"
-        if run.ours.fault:
-            missed.append(f"{name}: our slew: {run.ours.fault}")
+        for side in (run.ours, run.like):
+            if side is not None and side.fault:
+                missed.append(f"{name}: our slew: {side.fault}")
         if not run.theirs.fault and run.square_ratio > 1.0:
             missed.append(f"{name}: our squared torque is {run.square_ratio:.3g} times theirs")
     return missed
@@ -130,12 +138,15 @@ def _summary(sets: dict[str, list[Run]]) -> Table:
     table = Table(
         "Basilisk's constrained-manoeuvre module and we: summary",
         "Ratios are ours by theirs over the module's runs without fault, u the wheels' torque as"
-        " flown; stated: `J v' + v x J v` of the references, the module's own measure.",
+        " flown. Like margins: ours past zones enlarged by"
+        f" {_SHARE:g} of the module's margins. Stated: `J v' + v x J v` of the references, the"
+        " module's own measure.",
     )
     for cost, runs in sets.items():
         sound = [run for run in runs if not run.theirs.fault]
         squares = [run.square_ratio for run in sound]
         stated = [run.ours.stated.norm / run.theirs.stated.norm for run in sound]
+        like = [run.like.flown.square / run.theirs.flown.square for run in sound if run.like]
         table.rows.append(
             {
                 "the module minimises": cost,
@@ -145,6 +156,7 @@ def _summary(sets: dict[str, list[Run]]) -> Table:
                 "∫\\|u\\|², median": float(np.median(squares)),
                 "∫\\|u\\|², largest": max(squares),
                 "∫\\|u\\|, largest": max(run.norm_ratio for run in sound),
+                "like margins ∫\\|u\\|², largest": max(like),
                 "stated ∫\\|u\\|², largest": max(
                     run.ours.stated.square / run.theirs.stated.square for run in sound
                 ),
@@ -161,33 +173,47 @@ def _runs(problems: list[Problem], cost: str) -> list[Run]:
 
 def _run(problem: Problem, refinement: int, cost: str) -> Run:
     """Plan by both, at the module's duration, and fly both."""
-    craft = craft_of(problem)
-    theirs = manoeuvre(problem, craft.inertia, refinement, cost, HOLD)
-    same = replace(problem, duration=theirs.duration)
-    solution = solve(same)
-    if solution.trajectory is None:
-        raise RuntimeError(f"{problem.name}, {theirs.duration:.6g} s: {solution.message}")
-    ours = streamed(solution.trajectory, STEP, hold=HOLD)
+    planned = manoeuvre(problem, craft_of(problem).inertia, refinement, cost, HOLD)
+    same = replace(problem, duration=planned.duration)
+    theirs = _side(same, planned.reference, planned.solve_time, proven=False)
     return Run(
         case=problem.name,
         refinement=refinement,
-        duration=theirs.duration,
-        theirs=_side(same, theirs.reference, theirs.solve_time, proven=False),
-        ours=_side(same, ours, solution.solve_time, proven=True),
+        duration=planned.duration,
+        theirs=theirs,
+        ours=_our_side(same),
+        like=None if theirs.fault else _our_side(_enlarged(same, theirs.margins)),
     )
+
+
+def _enlarged(problem: Problem, margins: dict[str, float]) -> Problem:
+    """The problem with every forbidden set larger by most of a margin [rad] to it."""
+    zones = []
+    for zone in problem.obstacles:
+        by = _SHARE * margins[str(zone.group or zone.name)]
+        grown = zone.half_angle + (by if zone.kind == "keep_out" else -by)
+        zones.append(replace(zone, half_angle=grown))
+    return replace(problem, obstacles=tuple(zones))
+
+
+def _our_side(problem: Problem) -> Side:
+    solution = solve(problem)
+    if solution.trajectory is None:
+        raise RuntimeError(f"{problem.name}, {problem.duration:.6g} s: {solution.message}")
+    reference = streamed(solution.trajectory, STEP, hold=HOLD)
+    return _side(problem, reference, solution.solve_time, proven=True)
 
 
 def _side(problem: Problem, reference: Reference, solve_time: float, *, proven: bool) -> Side:
     """Fly a reference; `proven` lowers the margin by what may lie between two samples."""
     craft = craft_of(problem)
     flown = fly(craft, problem, reference)
-    least = margins(problem, flown.quaternions)
-    zone = min(least, key=lambda name: least[name])
     slack = between_samples(flown.rates, STEP) if proven else 0.0
     off = so3.quaternion_distance(flown.quaternions[-1], problem.goal.quaternion_xyzw)
     return Side(
-        margin=least[zone] - slack,
-        zone=zone,
+        margins={
+            name: margin - slack for name, margin in margins(problem, flown.quaternions).items()
+        },
         flown=effort(flown.torques, STEP),
         stated=effort(rigid_torque(craft.inertia, *reference.body()), STEP),
         solve_time=solve_time,
