@@ -83,6 +83,11 @@ def _parser() -> argparse.ArgumentParser:
         "--jobs", type=int, default=1, metavar="N", help="worker processes for a .jsonl file"
     )
     parser.add_argument(
+        "--least-torque",
+        action="store_true",
+        help="minimise torque instead of acceleration (so3; the problem gives an inertia)",
+    )
+    parser.add_argument(
         "--certificate-only",
         type=Path,
         metavar="PLAN",
@@ -103,6 +108,8 @@ def _check_options(parser: argparse.ArgumentParser, options: argparse.Namespace)
         parser.error("--certificate-only writes nothing: leave out --output and --plot")
     if _is_batch(options.problem) and options.plot:
         parser.error("--plot draws one plan: give it a single problem")
+    if options.least_torque and (_is_batch(options.problem) or options.certificate_only):
+        parser.error("--least-torque plans one problem: give it a single one, and nothing to check")
     for path in (options.output, options.plot):
         if path is not None and not path.absolute().parent.is_dir():
             parser.error(f"{path}: there is no folder {path.parent}")
@@ -126,7 +133,8 @@ def _plan_one(options: argparse.Namespace) -> int:
     with of_file(options.problem):
         stated = read_problem(options.problem)
     warm_up(notify=_say)
-    plan = plan_problem(stated, options.samples)
+    with of_file(options.problem):
+        plan = plan_problem(stated, options.samples, least_torque=options.least_torque)
     text = encoded(plan_document(plan)) + "\n"
     if options.output is None:
         sys.stdout.write(text)

@@ -9,6 +9,7 @@ import numpy as np
 
 from riem_planner.certificate import Certificate, certify
 from riem_planner.geometry import so3
+from riem_planner.offline.least_torque import check_least_torque, with_least_torque
 from riem_planner.plan import solve
 from riem_planner.problem import Problem
 from riem_planner.solution import Solution, Status
@@ -46,7 +47,9 @@ class Plan:
         return self.trajectory is not None
 
 
-def plan_problem(problem: Problem, samples: int = DEFAULT_SAMPLES) -> Plan:
+def plan_problem(
+    problem: Problem, samples: int = DEFAULT_SAMPLES, *, least_torque: bool = False
+) -> Plan:
     """Plan a problem; what can't be planned is a value, as in `solve`.
 
     Parameters
@@ -57,11 +60,23 @@ def plan_problem(problem: Problem, samples: int = DEFAULT_SAMPLES) -> Plan:
         Number of evenly spaced samples, at least 2. Between them a plan means the quintic of
         `Trajectory`, so few samples are another trajectory than was solved for: if its
         certificate fails, the number is doubled, up to four times.
+    least_torque
+        Whether to minimise torque, from the paths of least acceleration on.
+
+    Raises
+    ------
+    InvalidProblemError
+        Torque is to be minimised, and the problem has no inertia or is on s2.
     """
+    if least_torque:
+        check_least_torque(problem)
     solution = solve(problem)
     if not solution.solved or solution.trajectory is None:
         return Plan(problem, solution)
-    return _publish(with_duration_of(problem, solution.trajectory), solution, samples)
+    problem = with_duration_of(problem, solution.trajectory)
+    if least_torque:
+        solution = with_least_torque(problem, solution)
+    return _publish(problem, solution, samples)
 
 
 def with_duration_of(problem: Problem, trajectory: Trajectory) -> Problem:
