@@ -322,16 +322,19 @@ def _same(first: Extremal, second: Extremal) -> bool:
 
 
 def _is_minimum(setup: Setup, extremal: Extremal) -> bool:
-    # Not all samples of a very fine mesh: there rounding, not the problem, decides.
-    keep = np.arange(0, extremal.times.size, 1 + extremal.times.size // _INERTIA_NODES)
-    keep[-1] = extremal.times.size - 1
-    times, q = extremal.times[keep], np.ascontiguousarray(extremal.states[keep, :4])
-    return bool(
-        positive_definite(
+    # Not all samples of a very fine mesh, where rounding decides, not the problem; but fewer may
+    # be too few where much happens at once.
+    n = extremal.times.size
+    for stride in sorted({1 + n // _INERTIA_NODES, 1}, reverse=True):
+        keep = np.arange(0, n, stride)
+        keep[-1] = n - 1
+        times, q = extremal.times[keep], np.ascontiguousarray(extremal.states[keep, :4])
+        if positive_definite(
             setup.pointing, setup.table, setup.sigma, times, setup.with_goal(q),
             setup.start[4:], setup.goal[4:],
-        )
-    )  # fmt: skip
+        ):  # fmt: skip
+            return True
+    return False
 
 
 def _stated_cost(

@@ -429,6 +429,22 @@ def test_both_sides_of_an_obstacle_on_the_straight_slew_are_reported(space):
     assert found or not others
 
 
+@pytest.mark.parametrize(("angle", "place", "radius"), [(1.4, 0.7, 0.0), (2.8, 1.4, 0.2)])
+def test_one_of_a_family_of_ways_round_an_obstacle_on_the_axis_is_solved_to_tolerance(
+    angle, place, radius
+):
+    # Turned about the axis it is another one of the same cost: the equations are singular.
+    obstacle = OrientationObstacle(so3.exp([0.0, 0.0, place]), strength=0.05, radius=radius)
+    problem = replace(turn(angle), obstacles=(obstacle,))
+    solution = solve(problem)
+    assert solution.converged
+    assert max(solution.trajectory_error, solution.cost_error) < 1e-8
+    turned = so3.exp([0.0, 0.0, 2.0])
+    R = solution.trajectory.evaluate(np.array([0.5]))[0][0]
+    other = so3.log(turned @ R @ turned.T)
+    assert np.linalg.norm(other - so3.log(R)) > 0.05  # it does go round
+
+
 def test_the_antipode_is_reached_on_the_sphere_and_not_mistaken():
     start, goal = State.from_direction([1.0, 0.0, 0.0]), State.from_direction([-1.0, 0.0, 0.0])
     problem = Problem(start, goal, 2.0, S2)

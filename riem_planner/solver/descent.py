@@ -25,6 +25,9 @@ _ARMIJO = 1e-4
 _FIRST_SHIFT = 0.03  # of the kinetic block, when the Hessian is indefinite
 _SADDLE_STEP = 0.25  # rad, off a saddle
 _MOST_SADDLES = 4
+_RECENT = 4  # costs, the greatest of which a step must undercut (Grippo, Lampariello and Lucidi)
+MEMORY = 2 + _RECENT
+"""Numbers that a descent carries from call to call."""
 
 
 @inlined
@@ -365,8 +368,9 @@ def descend(
         +1 or -1: which way to leave a saddle, along its direction of negative curvature.
     most
         Most iterations; call again with the same memory to go on.
-    memory : (2,)
-        Shift of the Hessian carried between calls, and the number of saddles left.
+    memory : (MEMORY,)
+        Carried between calls: the shift of the Hessian, the number of saddles left, and recent
+        costs; zero at the start.
 
     Returns
     -------
@@ -415,6 +419,8 @@ def descend(
             if memory[1] > _MOST_SADDLES:
                 return cost, iteration, False
             _, longest = _slope_and_length(gradient, step)
+            for i in range(_RECENT):
+                memory[2 + i] = 0.0
             scale = side * _SADDLE_STEP / longest
             for k in range(1, n):
                 turn(q[k], step[k], scale, q[k])
@@ -426,6 +432,12 @@ def descend(
             continue
         scale = min(1.0, _MAX_STEP / longest)
         accepted = False
+        # In a curved valley full steps climb a little, and the next one makes good for it. On
+        # softened potentials that might change sides.
+        bound = cost
+        if soft == 0.0:
+            for i in range(_RECENT):
+                bound = max(bound, memory[2 + i])
         for _ in range(12):
             for k in range(1, n):
                 turn(q[k], step[k], scale, trial[k])
@@ -433,7 +445,7 @@ def descend(
                 pointing, table, sigma, times, trial, rate_start, rate_end, soft,
                 trial_gradient, E, M1, M2,
             )  # fmt: skip
-            if trial_cost <= cost + _ARMIJO * scale * slope:
+            if trial_cost <= bound + _ARMIJO * scale * slope:
                 accepted = True
                 break
             scale *= 0.4
@@ -447,6 +459,9 @@ def descend(
         for k in range(1, n):
             for i in range(4):
                 q[k, i] = trial[k, i]
+        for i in range(_RECENT - 1):
+            memory[2 + i] = memory[3 + i]
+        memory[1 + _RECENT] = cost
         cost = trial_cost
         gradient, trial_gradient = trial_gradient, gradient
         D, E = E, D

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from riem_planner.geometry import so3
 from riem_planner.obstacles.table import RADIUS
 from riem_planner.solver import curves
-from riem_planner.solver.descent import descend
+from riem_planner.solver.descent import MEMORY, descend
 from riem_planner.solver.roadmap import roadmap_curves
 from riem_planner.solver.setup import Setup
 from riem_planner.solver.watch import Watch
@@ -97,7 +97,7 @@ class Search:
 
     def _relax(self, q: Array, softs: tuple[float, ...], side: float) -> tuple[Curve | None, bool]:
         """Descend while the potentials harden; the exact minimum, and whether a saddle was left."""
-        memory = np.zeros(2)
+        memory = np.zeros(MEMORY)
         curve = self._descended(q, softs, side, memory)
         return (None if curve is None else self._seen_through(curve)), memory[1] > 0.0
 
@@ -152,21 +152,18 @@ class Search:
             interval, curve.times.size, _NODES_FINE,
         )  # fmt: skip
         begin = s.with_goal(np.ascontiguousarray(states[:, :4]))
-        result = Curve(times, begin, np.inf)
         # Softer potentials only where hard ones fail: they let a curve slip out of a narrow gap.
         for softs in ((), _SOFT_LAST, (*_SOFT_AGAIN, *_SOFT_LAST)):
-            q, memory = begin.copy(), np.zeros(2)
+            q, memory = begin.copy(), np.zeros(MEMORY)
             for soft in softs:
                 self._stage(times, q, soft, _ROUGH, 1.0, memory, _MOST_FINER)
             cost, converged = self._stage(times, q, 0.0, _FINE, 1.0, memory, _MOST_FINER)
-            if converged:
-                return Curve(times, q, cost), True
-            if cost < result.cost:
-                result = Curve(times, q, cost)
-        return result, False
+            if cost < np.inf:
+                return Curve(times, q, cost), converged
+        return Curve(times, q, np.inf), False
 
     def _cost(self, q: Array) -> float:
-        return float(self._descend(self.times, q, 0.0, 0.0, 1.0, 0, np.zeros(2))[0])
+        return float(self._descend(self.times, q, 0.0, 0.0, 1.0, 0, np.zeros(MEMORY))[0])
 
     def _stage(
         self,
@@ -180,6 +177,7 @@ class Search:
     ) -> tuple[float, bool]:
         """Descend in place; the cost, and whether it converged."""
         memory[0] = 0.0
+        memory[2:] = 0.0
         while True:
             stride = min(self.watch.stride, most)
             cost, done, converged = self._descend(times, q, soft, tolerance, side, stride, memory)

@@ -27,6 +27,7 @@ _B = np.ascontiguousarray(DOP853.B)
 _C = np.ascontiguousarray(DOP853.C[:_STAGES])
 _COLUMNS = 8  # a basis of at most 6, the particular solution, and padding for the vector unit
 _SIZE = 12 * _COLUMNS
+_SINGULAR = 1e-7  # of the greatest pivot
 STATE = 13  # quaternion, v, a, j
 _WIDTH = 16  # with the cost, and padding for the vector unit
 
@@ -362,29 +363,46 @@ def newton(pointing, table, sigma, times, states, goal, defects, given, whole, s
 
 @inlined
 def _solve(A, b):
-    """Solve A x = b in place by elimination with row pivots; False when singular."""
+    """Solve A x = b in place by elimination with full pivots; x comes in b. False if A is zero.
+
+    Where A is singular the extremals are a family, as about an obstacle that lies on an axis of
+    symmetry; the components that A leaves open stay as they are.
+    """
     n = b.size
+    order = np.arange(n)
+    greatest = 0.0
+    rank = n
     for i in range(n):
-        pivot = i
-        for r in range(i + 1, n):
-            if abs(A[r, i]) > abs(A[pivot, i]):
-                pivot = r
-        if not abs(A[pivot, i]) > 1e-300:
-            return False
-        if pivot != i:
-            for m in range(n):
-                A[i, m], A[pivot, m] = A[pivot, m], A[i, m]
-            b[i], b[pivot] = b[pivot], b[i]
+        row, column = i, i
+        for r in range(i, n):
+            for m in range(i, n):
+                if abs(A[r, m]) > abs(A[row, column]):
+                    row, column = r, m
+        pivot = abs(A[row, column])
+        greatest = max(greatest, pivot)
+        if not pivot > _SINGULAR * greatest:
+            rank = i
+            break
+        for m in range(n):
+            A[i, m], A[row, m] = A[row, m], A[i, m]
+        for r in range(n):
+            A[r, i], A[r, column] = A[r, column], A[r, i]
+        b[i], b[row] = b[row], b[i]
+        order[i], order[column] = order[column], order[i]
         for r in range(i + 1, n):
             f = A[r, i] / A[i, i]
             for m in range(i, n):
                 A[r, m] -= f * A[i, m]
             b[r] -= f * b[i]
-    for i in range(n - 1, -1, -1):
-        for m in range(i + 1, n):
-            b[i] -= A[i, m] * b[m]
-        b[i] /= A[i, i]
-    return True
+    x = np.zeros(n)
+    for i in range(rank - 1, -1, -1):
+        s = b[i]
+        for m in range(i + 1, rank):
+            s -= A[i, m] * x[order[m]]
+        x[order[i]] = s / A[i, i]
+    for i in range(n):
+        b[i] = x[i]
+    return rank > 0
 
 
 @kernel

@@ -8,6 +8,7 @@ from riem_planner import S2, SO3, OrientationObstacle, Problem, State, Zone, sol
 from riem_planner.extremals import first_biconjugate_time
 from riem_planner.geometry import so3
 from riem_planner.solver.descent import (
+    MEMORY,
     assemble,
     descend,
     factor,
@@ -198,7 +199,7 @@ def test_shift_adds_the_kinetic_stencil():
 
 def run(setup, q, soft, side=1.0, most=300, tolerance=1e-10, memory=None):
     times = np.linspace(0.0, 1.0, q.shape[0])
-    memory = np.zeros(2) if memory is None else memory
+    memory = np.zeros(MEMORY) if memory is None else memory
     cost, iterations, converged = descend(
         setup.pointing, setup.table, setup.sigma, times, q, setup.start[4:], setup.goal[4:],
         soft, tolerance, side, most, memory,
@@ -211,7 +212,7 @@ def test_descent_ends_at_a_minimum_and_never_climbs(space):
     setup = set_up(slew(space, OBSTACLES[space]))
     times, guesses, _ = first_guesses(setup)
     for guess in guesses[:2]:
-        q, memory = guess.copy(), np.zeros(2)
+        q, memory = guess.copy(), np.zeros(MEMORY)
         costs = [assembled(setup, times, q, 0.35)[0]]
         for _ in range(200):
             cost, _, converged, _ = run(setup, q, 0.35, most=1, memory=memory)
@@ -230,7 +231,7 @@ def test_descent_ends_at_a_minimum_and_never_climbs(space):
 def test_iterations_in_portions_are_the_same_descent():
     setup = set_up(slew(SO3, OBSTACLES[SO3]))
     guess = first_guesses(setup)[1][0]
-    whole, parts, memory = guess.copy(), guess.copy(), np.zeros(2)
+    whole, parts, memory = guess.copy(), guess.copy(), np.zeros(MEMORY)
     cost, iterations, _, _ = run(setup, whole, 0.35)
     for _ in range(iterations + 1):
         last = run(setup, parts, 0.35, most=1, memory=memory)[0]
@@ -253,7 +254,7 @@ def test_a_symmetric_saddle_is_left_both_ways(space):
     middle = times.size // 2
     ways, costs = [], []
     for side in (1.0, -1.0):
-        q, memory = guesses[0].copy(), np.zeros(2)
+        q, memory = guesses[0].copy(), np.zeros(MEMORY)
         for soft, tolerance in ((0.35, 1e-2), (0.1, 1e-2), (0.03, 1e-2), (0.0, 1e-10)):
             memory[0] = 0.0
             cost, _, converged, _ = run(setup, q, soft, side, tolerance=tolerance, memory=memory)
