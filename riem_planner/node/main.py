@@ -79,6 +79,9 @@ def main(arguments: list[str] | None = None) -> int:
     spinning.start()
     while not stop.wait(0.5):
         pass
+    # All that is left is to end: looking through what the compiler left would take seconds.
+    gc.disable()
+    gc.freeze()
     executor.shutdown(timeout_sec=STOP_WITHIN)
     spinning.join(STOP_WITHIN)
     ended = node.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Iterable
+from copy import copy
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -34,7 +35,9 @@ _TYPES = {
     "text": Parameter.Type.STRING,
     "texts": Parameter.Type.STRING_ARRAY,
     "numbers": Parameter.Type.DOUBLE_ARRAY,
+    "scalar_or_numbers": Parameter.Type.DOUBLE_ARRAY,
 }
+_LISTS = ("texts", "numbers", "scalar_or_numbers")
 _OTHERS = ("qos_overrides.", "use_sim_time", "start_type_description_service")
 
 
@@ -104,20 +107,25 @@ class Parameters:
                 for specification in ZONE_SPECIFICATIONS:
                     self._declare(zone_parameter(zone, specification.name), specification)
         self.settings = settings_from_values(self.values())
+        node.add_pre_set_parameters_callback(self._typed)
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._apply)
 
     def _declare(self, name: str, specification: Specification) -> None:
         described = descriptor(name, specification)
+        read_only, described.read_only = described.read_only, False
         try:
-            if specification.kind == "scalar_or_numbers":
-                self._node.declare_parameter(name, None, described)
-            else:
-                described.type = _TYPES[specification.kind].value
-                self._node.declare_parameter(name, _typed_default(specification), described)
+            self._node.declare_parameter(name, _typed_default(specification), described)
         except (InvalidParameterValueException, InvalidParameterTypeException) as error:
             raise InvalidProblemError(name, str(error)) from error
         self._names.append(name)
+        if self._node.get_parameter_or(name, Parameter(name)).value is None:
+            # A parameter without a value makes rclpy answer a request for all of them with none.
+            self._node.set_parameters([_empty(name, specification)])
+        if read_only:  # after its value, which could not be set otherwise
+            final = copy(described)
+            final.read_only = True
+            self._node.set_descriptor(name, final)
 
     def values(self) -> dict[str, Any]:
         """All values by full name; lists as lists, unset as None."""
@@ -140,6 +148,20 @@ class Parameters:
                 hint = f"; is {name.split('.')[1]!r} missing in zone_names?"
             sentences.append(f"unknown parameter {name}, ignored{hint}")
         return sentences
+
+    def _typed(self, parameters: list[Parameter]) -> list[Parameter]:
+        """Unset a list that is given as `[]`, which as YAML has no type, or that is deleted."""
+        typed = []
+        for parameter in parameters:
+            specification = specification_of(parameter.name)
+            if (
+                specification is not None
+                and specification.kind in _LISTS
+                and _plain(parameter.value) in ([], None)
+            ):
+                parameter = _empty(parameter.name, specification)
+            typed.append(parameter)
+        return typed
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         values = self.values()
@@ -173,3 +195,8 @@ def _typed_default(specification: Specification) -> Any:
     if specification.default == []:
         return _TYPES[specification.kind]
     return specification.default
+
+
+def _empty(name: str, specification: Specification) -> Parameter:
+    """An empty list of the right type: unset."""
+    return Parameter(name, _TYPES[specification.kind], [])

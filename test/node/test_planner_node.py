@@ -14,6 +14,7 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, SetParameters, SetParametersAtomically
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
@@ -311,6 +312,21 @@ def test_parameters_are_described_validated_and_applied_together(ros):
     bench.wait(lambda: len(bench.heard["setpoint"]) > 10)
     stamps = np.diff([s.stamp_ns for s in bench.setpoints()]) * 1e-9
     assert np.median(stamps) == pytest.approx(0.05, abs=0.01)
+
+
+def test_lists_are_unset_by_an_empty_one_or_by_deleting_them(ros):
+    bench = ros()
+    unset = bench.node.get_parameter("limits.rate")
+    assert list(unset.value) == []
+    for empty in (Parameter.Type.BOOL_ARRAY, Parameter.Type.NOT_SET):  # `[]` in YAML; deletion
+        (given,) = bench.node.set_parameters([Parameter("limits.rate", value=[0.1, 0.2, 0.3])])
+        assert given.successful
+        assert bench.node.settings.limits is not None
+        value = [] if empty is Parameter.Type.BOOL_ARRAY else None
+        (cleared,) = bench.node.set_parameters([Parameter("limits.rate", empty, value)])
+        assert cleared.successful
+        assert bench.node.settings.limits is None
+        assert bench.node.get_parameter("limits.rate").type_ is Parameter.Type.DOUBLE_ARRAY
 
 
 def test_incompatible_peers_are_named(ros):

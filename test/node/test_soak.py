@@ -7,8 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
+pytest.importorskip("rclpy")
+
+from episode import Episode
 from simulation import SECOND
-from test_episodes import Episode
 
 from riem_planner.geometry import so3
 
@@ -22,10 +25,7 @@ def _live(episode, seconds):
     for _ in range(round(seconds / 20.0)):
         episode.run(20.0)
         assert not episode.faults
-        episode.simulation.setpoints = episode.simulation.setpoints[-1:]
-        episode.simulation.events.clear()
-        episode.received = episode.received[-50:]
-        episode.orientations = episode.orientations[-50:]
+        episode.forget()
     gc.collect()
 
 
