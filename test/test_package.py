@@ -169,3 +169,18 @@ def test_warnings_are_errors():
 def test_make_names_every_promised_command():
     targets = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
     assert {"run", "test", "bench", "lint", "clean", "soak", "figures"} <= {*targets}
+
+
+@pytest.mark.parametrize(
+    "page", [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))], ids=lambda page: page.name
+)
+def test_every_picture_and_page_that_is_linked_is_there(page):
+    links = re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8"))
+    missing = [link for link in links if not (page.parent / link).exists()]
+    assert not missing
+    # A fresh clone has only what is not ignored.
+    ignored = subprocess.run(
+        ["git", "check-ignore", *(str(page.parent / link) for link in links)],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert not ignored.stdout

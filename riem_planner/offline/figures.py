@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from riem_planner.geometry import sphere
 from riem_planner.offline import paper
 from riem_planner.offline.paper import Curve, Example
-from riem_planner.offline.sphere_view import SphereView, view_frames
+from riem_planner.offline.sphere_view import SphereView, name_place, view_frames
 from riem_planner.plan import solve
 
 Array = NDArray[np.float64]
@@ -181,22 +181,19 @@ def _draw_sphere(
     start = curves[0][1].points[0]
     view.point(start, marker="o", markersize=5, color="black", zorder=7)
     view.point(obstacle, marker="x", markersize=8, markeredgewidth=1.6, color="black", zorder=7)
-    _draw_axes(view)
+    lines = [view.project(curve.points[view.sees(curve.points)]) for _, curve in curves]
+    _draw_axes(view, np.vstack([*lines, view.project(obstacle)[None]]))
 
 
-def _draw_axes(view: SphereView) -> None:
-    """Names of the reference axes on the sphere, beside their points."""
+def _draw_axes(view: SphereView, drawn: Array) -> None:
+    """Names of the reference axes on the sphere, beside their points; `drawn` (n, 2) stay free."""
     for axis, name in zip(np.vstack([np.eye(3), -np.eye(3)]), ("x", "y", "z", "-x", "-y", "-z"),
                           strict=True):  # fmt: skip
         view.point(axis, marker="+", markersize=7, color="0.35", zorder=3)
-        place = view.project(axis)
         if axis @ view.frame[2] >= 0.0:
-            # Below the point in the upper half, so that no name reaches the title.
-            offset = (6, -12) if place[1] > 0.3 else (-18, -4) if place[1] < -0.3 else (6, 5)
-            view.axes.annotate(
-                name, place, xytext=offset, textcoords="offset points", color="0.3", fontsize=9,
-                zorder=8,
-            )
+            place = name_place(view.project(axis), drawn)
+            view.axes.text(*place, name, color="0.3", fontsize=9, ha="center", va="center",
+                           zorder=8)  # fmt: skip
 
 
 def _draw_distances(

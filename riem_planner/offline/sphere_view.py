@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 RIM = "0.35"
 GRATICULE = "0.86"
+_NAME_DISTANCE = 0.12  # of a name from its point, in radii of the disc
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,3 +123,16 @@ def view_frames(directions: Array) -> tuple[Array, Array]:
     right /= np.linalg.norm(right)
     up = np.cross(toward, right)
     return np.array([right, up, toward]), np.array([-right, up, -toward])
+
+
+def name_place(point: Array, drawn: Array) -> Array:
+    """Where the name of a point (2,) of the disc is read best: beside it, far from what is drawn.
+
+    The rim counts as drawn, so a name stays inside of it and never reaches a title.
+    """
+    turn = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
+    places = point + _NAME_DISTANCE * np.vstack([np.cos(turn), np.sin(turn)]).T
+    to_drawn = np.linalg.norm(places[:, None] - drawn, axis=2).min(axis=1)
+    to_rim = 1.0 - np.linalg.norm(places, axis=1)
+    best: Array = places[np.argmax(np.minimum(to_drawn, to_rim))]
+    return best

@@ -14,7 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from riem_planner.offline import plots, sphere_view
 from riem_planner.offline.plots import plan_figure, plot_plan
 from riem_planner.offline.problem_files import parse_problem, read_problem
-from riem_planner.offline.sphere_view import SphereView, view_frames
+from riem_planner.offline.sphere_view import SphereView, name_place, view_frames
 from riem_planner.offline.straight import straight_slew
 from riem_planner.plan import solve
 
@@ -121,3 +121,15 @@ def test_plot_leaves_no_global_state(tmp_path):
     assert dict(mpl.rcParams) == before
     for module in (plots, sphere_view):
         assert "pyplot" not in inspect.getsource(module)
+
+
+@pytest.mark.parametrize("point", [(0.0, 0.0), (0.0, 1.0), (-0.9, 0.3), (0.5, -0.5)])
+def test_a_name_stands_inside_the_rim_and_clear_of_what_is_drawn(point):
+    point = np.array(point)
+    along = np.linspace(-1.0, 1.0, 101)[:, None]
+    for direction in ([1.0, 0.0], [0.0, 1.0], [0.6, 0.8]):
+        drawn = point + along * direction  # a line through the very point that is named
+        place = name_place(point, drawn)
+        assert np.linalg.norm(place) < 0.95
+        assert np.linalg.norm(drawn - place, axis=1).min() > 0.05  # half a letter's height
+        assert np.linalg.norm(place - point) < 0.2
