@@ -5,6 +5,7 @@ were sent, and formulas of its own.
 """
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from geometry_msgs.msg import Pose, PoseArray
@@ -19,8 +20,9 @@ BUDGET = 0.1
 RADIUS = 0.2
 PERIOD = 0.05
 X = np.array([1.0, 0.0, 0.0])
-FASTEST = 0.01  # rad/s; of zones and obstacles
+FASTEST = 0.02  # rad/s; of zones and obstacles
 ROUNDING = 1e-7  # rad
+CONTINUOUS = 1e-9  # of quaternions, and of rates [rad/s], at a splice
 
 
 def _unit(rng):
@@ -33,6 +35,10 @@ def _quaternion(rng):
     return q / np.linalg.norm(q)
 
 
+def _turning(rng):
+    return rng.uniform(0.0, FASTEST) * _unit(rng)
+
+
 def _pointing(quaternion, boresight):
     """Direction of a body axis, by the double cross product."""
     vector, w = quaternion[:3], quaternion[3]
@@ -42,7 +48,7 @@ def _pointing(quaternion, boresight):
 
 @dataclass
 class Sky:
-    """A zone as the world has it: it turns steadily, and is told of now and then."""
+    """A zone as the world has it: it moves, and is told of now and then."""
 
     name: str
     keeps_in: bool
@@ -50,23 +56,41 @@ class Sky:
     boresight: np.ndarray
     direction: np.ndarray
     turning: np.ndarray
+    wanders: bool
     told: list = field(default_factory=list)  # (time, direction)
 
-    def parameters(self, estimated):
-        """Of the node; the rate is given unless it is to be estimated."""
+    def parameters(self):
+        """Of the node; the rate of a zone that wanders has to be estimated."""
         values = {
             "kind": "keep_in" if self.keeps_in else "keep_out",
             "half_angle": self.half_angle,
             "boresight": self.boresight.tolist(),
             "direction": self.direction.tolist(),
-            "rate": [] if estimated else self.turning.tolist(),
+            "rate": [] if self.wanders else self.turning.tolist(),
             "max_speed": 2.0 * FASTEST,
         }
         return {f"{self.name}__{key}": value for key, value in values.items()}
 
-    def at(self, elapsed):
-        """Where it is after some time [s]."""
-        return so3.exp(self.turning * elapsed) @ self.direction
+    def move(self, rng, quaternion):
+        """Turn on for one period; one that wanders turns another way every few seconds.
+
+        Half the time it then comes for the spacecraft at this attitude (or leaves it outside).
+        """
+        if self.wanders and rng.random() < 0.02:
+            self.turning = _turning(rng)
+            if quaternion is not None and rng.random() < 0.5:
+                toward = np.cross(self.direction, _pointing(quaternion, self.boresight))
+                toward *= (-1.0 if self.keeps_in else 1.0) / max(np.linalg.norm(toward), 1e-9)
+                self.turning = np.linalg.norm(self.turning) * toward
+        self.direction = so3.exp(self.turning * PERIOD) @ self.direction
+
+    def beside(self, margin, rng):
+        """An attitude (4,) that is clear of the zone by a margin [rad], on a random side."""
+        off = self.half_angle - margin if self.keeps_in else self.half_angle + margin
+        side = np.cross(self.direction, _unit(rng))
+        pointing = so3.exp(off * side / np.linalg.norm(side)) @ self.direction
+        roll = so3.quaternion_exp(rng.uniform(-np.pi, np.pi) * self.boresight)
+        return so3.quaternion_multiply(so3.minimal_rotation(self.boresight, pointing), roll)
 
     def depth(self, setpoint):
         """How far inside the forbidden set a setpoint is [rad], as last told a budget before."""
@@ -80,12 +104,12 @@ class Sky:
         inside = angle - self.half_angle if self.keeps_in else self.half_angle - angle
         # It has moved on since it was told; a setpoint just behind it is not inside.
         age = (setpoint.stamp_ns - self.told[-1][0]) * 1e-9
-        return inside - np.linalg.norm(self.turning) * (age + BUDGET)
+        return inside - FASTEST * (age + BUDGET)
 
 
 def _skies(rng, space):
     """One to three zones with half-angles of their own, the second and third clear at the start."""
-    skies = [Sky("sun", False, 0.35, X, _unit(rng), rng.uniform(0.0, FASTEST) * _unit(rng))]
+    skies = [Sky("sun", False, 0.35, X, _unit(rng), _turning(rng), rng.random() < 0.5)]
     for name, keeps_in, share, least, most in (
         ("moon", False, 0.5, 0.1, 0.3),
         ("earth", True, 0.3, 1.0, 1.5),
@@ -98,8 +122,8 @@ def _skies(rng, space):
         off = float(np.arccos(boresight @ direction))
         if (off > half_angle - 0.3) if keeps_in else (off < half_angle + 0.2):
             direction = -direction
-        turning = rng.uniform(0.0, FASTEST) * _unit(rng)
-        sky = Sky(name, keeps_in, half_angle, boresight, direction, turning)
+        wanders = rng.random() < 0.5
+        sky = Sky(name, keeps_in, half_angle, boresight, direction, _turning(rng), wanders)
         off = float(np.arccos(boresight @ direction))
         if (off < half_angle - 0.3) if keeps_in else (off > half_angle + 0.2):
             skies.append(sky)
@@ -114,7 +138,7 @@ class Episode:
         self.skies = _skies(rng, space)
         values = {}
         for sky in self.skies:
-            values.update(sky.parameters(estimated=rng.random() < 0.5))
+            values.update(sky.parameters())
         parameters = settings(
             tuple(sky.name for sky in self.skies),
             space=space,
@@ -129,10 +153,13 @@ class Episode:
         self.inbox = Inbox(self.simulation)
         self.obstacle = None  # an attitude that drifts as well
         self.orientations = []  # (time, quaternion)
-        self.drift = rng.uniform(0.0, FASTEST) * _unit(rng)
+        self.drift = _turning(rng)
         if space == "so3" and rng.random() < 0.5:
             self.obstacle = _quaternion(rng)
         self.faults = []
+        self.jumps = []
+        self.splices = 0
+        self._timeline = None
         self.excused = self.checked = self.spoiled = 0
         self._begin = self.simulation.now_ns
 
@@ -141,6 +168,9 @@ class Episode:
         simulation, rng = self.simulation, self.rng
         self._tell()
         for _ in range(round(seconds / PERIOD)):
+            here = simulation.setpoints[-1].quaternion if simulation.setpoints else None
+            for sky in self.skies:
+                sky.move(rng, here)
             self._ask(rng.random())
             if rng.random() < 0.2:
                 self._tell()
@@ -148,6 +178,7 @@ class Episode:
                 self._spoil()
             count = len(simulation.setpoints)
             simulation.step()
+            self._check_splices()
             for setpoint in simulation.setpoints[count:]:
                 self._check(setpoint)
         return self
@@ -161,24 +192,29 @@ class Episode:
         for sky in self.skies:
             sky.told = sky.told[-50:]
 
+    def _goal(self):
+        """Anywhere, or just outside of what is forbidden by one of the zones."""
+        if self.rng.random() < 0.3:
+            return _quaternion(self.rng)
+        sky = self.skies[self.rng.integers(len(self.skies))]
+        return sky.beside(self.rng.uniform(0.02, 0.15), self.rng)
+
     def _ask(self, dice):
         simulation = self.simulation
-        if dice < 0.01:
-            goal = geometry.pose_from_attitude(_quaternion(self.rng), 0, FRAME)
-            self.inbox.send("goal", goal)
-        elif dice < 0.013:
+        if dice < 0.006:
+            self.inbox.send("goal", geometry.pose_from_attitude(self._goal(), 0, FRAME))
+        elif dice < 0.007:
             simulation.mission.cancel(simulation.now_ns)
-        elif dice < 0.016:
+        elif dice < 0.010:
             simulation.mission.replan(simulation.now_ns)
 
     def _tell(self):
         now_ns = self.simulation.now_ns
         elapsed = (now_ns - self._begin) * 1e-9
         for sky in self.skies:
-            direction = sky.at(elapsed)
-            message = geometry.vector_from_direction(3.0 * direction, now_ns, FRAME)
+            message = geometry.vector_from_direction(3.0 * sky.direction, now_ns, FRAME)
             self.inbox.send(f"zones/{sky.name}", message)
-            sky.told.append((now_ns, direction))
+            sky.told.append((now_ns, sky.direction))
         if self.obstacle is None or len(self.skies[0].told) <= 20:
             return  # an obstacle comes after the first plan
         q = so3.quaternion_multiply(so3.quaternion_exp(self.drift * elapsed), self.obstacle)
@@ -217,6 +253,20 @@ class Episode:
             age = (setpoint.stamp_ns - self.orientations[-1][0]) * 1e-9
             moved = np.linalg.norm(self.drift) * (age + BUDGET)
             self._note(setpoint, "obstacle", RADIUS - angle - moved)
+
+    def _check_splices(self):
+        """Attitude, its sign, and rate go on where one segment takes over from another."""
+        timeline = self.simulation.mission.timeline
+        if timeline is self._timeline:
+            return
+        self._timeline = timeline
+        for before, after in pairwise(timeline.segments):
+            was, now = before.at(after.start_ns), after.at(after.start_ns)
+            turned = np.abs(was.quaternion - now.quaternion).max()
+            jump = max(turned, np.abs(was.rate - now.rate).max())
+            self.splices += 1
+            if jump > CONTINUOUS:
+                self.jumps.append((after.start_ns - self._begin, float(jump)))
 
     def _note(self, setpoint, name, depth):
         if depth <= ROUNDING:

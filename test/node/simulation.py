@@ -98,15 +98,18 @@ def discontinuities(setpoints, tolerance=1e-9):
 
     Between two setpoints of one segment the attitude turns by the integral of the rate; its
     trapezoidal rule is off by at most h^3 / 12 times the second derivative of the rate. A jump
-    of a splice would stand out of that by its own size.
+    of a splice would stand out of that by its own size. The acceleration itself may jump at a
+    splice, which shows in its departure from its trend.
     """
     from riem_planner.geometry import so3
 
     found = []
+    trend = np.zeros(3)
     for before, after in pairwise(setpoints):
         h = (after.stamp_ns - before.stamp_ns) * 1e-9
         if float(before.quaternion @ after.quaternion) < 0.0:
             found.append((before, after, "sign"))
+            trend = np.zeros(3)
             continue
         relative = so3.quaternion_multiply(
             so3.quaternion_conjugate(before.quaternion), after.quaternion
@@ -116,8 +119,13 @@ def discontinuities(setpoints, tolerance=1e-9):
             before.acceleration - after.acceleration
         )
         fastest = max(np.linalg.norm(before.rate), np.linalg.norm(after.rate))
-        change = np.linalg.norm(after.acceleration - before.acceleration)
+        step = after.acceleration - before.acceleration
+        change = max(np.linalg.norm(step), np.linalg.norm(step - trend))
+        trend = step
         allowed = tolerance + h * h * (change + fastest**2) * 0.5
+        if not np.any(before.rate) or not np.any(after.rate):
+            # The motion begins or ends in between, and the rule cannot know when.
+            allowed += 0.5 * h * fastest
         if np.linalg.norm(turned - mean) > allowed:
             found.append((before, after, "attitude"))
     return found
