@@ -275,9 +275,9 @@ def test_geodesics_without_tension_have_no_biconjugate_time():
     assert first_biconjugate_time(1.0, 0.0) == np.inf
 
 
-@pytest.mark.parametrize(("a", "sigma", "expected"), BICONJUGATE[:5])
+@pytest.mark.parametrize(("a", "sigma", "expected"), BICONJUGATE)
 def test_second_variation_loses_a_sign_at_the_biconjugate_time(a, sigma, expected):
-    def negative_eigenvalues(duration, n=200):
+    def negative_eigenvalues(duration, n=400):
         h, k = duration / n, a * a
         second = (np.eye(n + 1, k=1) + np.eye(n + 1, k=-1) - 2 * np.eye(n + 1)) / h**2
         # The clamped ends: y = y' = 0, so the ghost value beyond an end mirrors the inner one.
@@ -290,8 +290,11 @@ def test_second_variation_loses_a_sign_at_the_biconjugate_time(a, sigma, expecte
         form += sigma * (rate.T @ rate - k * np.eye(n - 1))
         return int(np.sum(np.linalg.eigvalsh(form) < 0.0))
 
-    assert negative_eigenvalues(0.99 * expected) == 0
-    assert negative_eigenvalues(1.01 * expected) == 1
+    # At (1, 0.75) the determinant touches zero without a change of sign: two signs are lost
+    # at once, one of them so slowly that the discretisation has to be given room.
+    lost, share = (2, 0.04) if sigma == 0.75 else (1, 0.01)
+    assert negative_eigenvalues((1.0 - share) * expected) == 0
+    assert negative_eigenvalues((1.0 + share) * expected) == lost
 
 
 def test_collision_course_ends_with_an_error_that_names_the_time(monkeypatch):

@@ -494,6 +494,23 @@ def test_a_global_search_leaves_a_warm_start_for_a_better_class():
     assert local.cost > 1.5 * solution.cost
 
 
+@pytest.mark.parametrize("space", [SO3, S2], ids=["so3", "s2"])
+@pytest.mark.parametrize("strength", [0.01, 1.0, 100.0])
+def test_answers_keep_the_clearance_that_their_cost_demands(space, strength):
+    middle, end = so3.exp([0.0, 0.0, 0.6]), so3.exp([0.0, 0.0, 1.2])
+    point = (
+        Zone(middle[:, 0], 0.0, strength=strength)
+        if space is S2
+        else OrientationObstacle(middle, strength=strength)
+    )
+    problem = Problem(State(np.eye(3)), State(end), 1.0, space, obstacles=(point,))
+    solution = solve(problem)
+    B = 0.5 * np.sqrt(2.0 * solution.cost)
+    demanded = 0.5 * (np.sqrt(B**2 + strength / solution.cost) - B)
+    (kept,) = solution.certificate.clearance.values()
+    assert 0.0 < demanded < kept
+
+
 # Local minimum
 
 
