@@ -11,7 +11,7 @@ import numpy as np
 from geometry_msgs.msg import Pose, PoseArray
 from inbox import Inbox
 from simulation import SECOND, Simulation, settings
-from spoiled import FRAME, spoiled
+from spoiled import BODY, FRAME, spoiled
 
 from msg_adapters import geometry
 from riem_planner.geometry import so3
@@ -151,6 +151,7 @@ class Episode:
             parameters, solve_time=float(rng.uniform(0.001, 0.06)), period=PERIOD
         )
         self.inbox = Inbox(self.simulation)
+        self._free = 1.0 - X if space == "s2" else np.ones(3)  # on s2 there is no rate of roll
         self.obstacle = None  # an attitude that drifts as well
         self.orientations = []  # (time, quaternion)
         self.drift = _turning(rng)
@@ -201,8 +202,12 @@ class Episode:
 
     def _ask(self, dice):
         simulation = self.simulation
-        if dice < 0.006:
+        if dice < 0.005:
             self.inbox.send("goal", geometry.pose_from_attitude(self._goal(), 0, FRAME))
+        elif dice < 0.006:
+            frames, rate = (FRAME, BODY), 0.03 * self.rng.normal(size=3) * self._free
+            state = geometry.odometry_from_attitude(self._goal(), rate, 0, frames)
+            self.inbox.send("goal_state", state)
         elif dice < 0.007:
             simulation.mission.cancel(simulation.now_ns)
         elif dice < 0.010:
