@@ -66,7 +66,8 @@ class Solution:
     trajectory_error, cost_error
         Estimated distance to the exact extremal [rad], and relative error of the cost.
     local_minimum
-        Whether the second variation is positive definite; None where it was not computed.
+        Whether the second variation is positive definite, so not where the trajectory is one of a
+        family of equal cost; None where it was not computed.
     converged
         Whether both error estimates are within the requested tolerance.
     alternatives

@@ -354,8 +354,9 @@ class Mission:
         self._retry_ns = now_ns + RETRY_NS
         kept = "nothing is flown" if not self.timeline else f"{self.doing(now_ns)} goes on"
         code = "INVALID" if solution is None else solution.status.name
-        advice = "" if solution is None else f"; {solution.status.advice}"
-        self._tell(Level.ERROR, code, f"{why}{advice}; {kept}", solution, problem)
+        if solution is not None and solution.status.advice not in why:
+            why += f"; {solution.status.advice}"
+        self._tell(Level.ERROR, code, f"{why}; {kept}", solution, problem)
 
     def _stretch(self, now_ns: int, request: Request, why: str) -> None:
         """Plan from a later point, with more time."""

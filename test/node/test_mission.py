@@ -12,6 +12,7 @@ from simulation import SECOND, Simulation, discontinuities, settings
 
 from riem_planner.geometry import so3
 from riem_planner.node.safety import Judge
+from riem_planner.solution import Status
 
 Z_TURN = so3.quaternion_exp(np.array([0.0, 0.0, 1.5]))
 X_TURN = so3.quaternion_exp(np.array([1.0, 0.2, 0.0]))
@@ -165,6 +166,8 @@ def test_a_goal_in_a_zone_is_refused_with_its_name_and_the_old_plan_goes_on():
     simulation.goal(so3.quaternion_exp(np.array([0.0, -1.5, 0.0])))  # the boresight at the sun
     simulation.run(12.0)
     event = next(event for event in simulation.events if event.code == "GOAL_IN_ZONE")
+    advice = Status.GOAL_IN_ZONE.advice
+    assert event.message.count(advice) == 1
     assert "sun" in event.message
     assert "goes on" in event.message
     assert _distance_to(simulation, Z_TURN) < 1e-9
