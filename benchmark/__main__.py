@@ -25,9 +25,10 @@ def _arguments(arguments: list[str]) -> argparse.Namespace:
         "what",
         nargs="?",
         default="all",
-        choices=("all", "hard", "random", "flights"),
+        choices=("all", "hard", "random", "flights", "node"),
         help="all: beside the peers, and the planner's own figures; hard: the hard sets;"
-        " random: new problems like those of the case files; flights: the published manoeuvres",
+        " random: new problems like those of the case files; flights: the published manoeuvres;"
+        " node: the node in operation (16 min)",
     )
     parser.add_argument("--quick", action="store_true", help="a few problems, once each")
     parser.add_argument("--count", type=int, default=300, help="problems of each hard set")
@@ -87,6 +88,10 @@ def main(arguments: list[str] | None = None) -> int:
         tables, name = _all(options.quick), "results"
     elif options.what == "flights":
         tables, name = [flights()], "flights"
+    elif options.what == "node":
+        from benchmark.operation import operation  # the others do without ROS
+
+        tables, name = operation(options.quick), "node"
     elif options.what == "random":
         tables, name = [_random(options.seed, options.count)], "random"
     else:

@@ -13,13 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from msg_adapters import cdr
 from msg_adapters.errors import MessageError
 from msg_adapters.geometry import SECOND, UNIT_TOLERANCE, check_frame
 
 Array = NDArray[np.float64]
-
-_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
-_ENCAPSULATION = 4  # bytes before the payload, to which alignment is relative
 
 
 class Orientations(NamedTuple):
@@ -37,21 +35,13 @@ class Orientations(NamedTuple):
     stamp: int
 
 
-def _aligned(offset: int, size: int) -> int:
-    return _ENCAPSULATION + -(-(offset - _ENCAPSULATION) // size) * size
-
-
 def cdr_from_orientations(quaternions: Array, nanoseconds: int, frame: str) -> bytes:
     """Serialised PoseArray of quaternions (n, 4) in the order x, y, z, w, at the origin."""
     quaternions = np.asarray(quaternions, dtype=float)
-    seconds, rest = divmod(int(nanoseconds), SECOND)
-    name = frame.encode() + b"\0"
-    head = _LITTLE_ENDIAN + struct.pack("<iII", seconds, rest, len(name)) + name
-    head += b"\0" * (_aligned(len(head), 4) - len(head))
-    head += struct.pack("<I", len(quaternions))
+    head = cdr.padded(cdr.header(nanoseconds, frame), 4) + struct.pack("<I", len(quaternions))
     if len(quaternions) == 0:
         return head
-    head += b"\0" * (_aligned(len(head), 8) - len(head))
+    head = cdr.padded(head, 8)
     poses = np.zeros((len(quaternions), 7), dtype="<f8")
     poses[:, 3:] = quaternions
     return head + poses.tobytes()
@@ -82,19 +72,19 @@ def orientations_from_cdr(data: bytes, reference_frame: str, most: int) -> Orien
 
 def _orientations(data: bytes, reference_frame: str, most: int) -> Orientations:
     order = "<" if data[1:2] == b"\x01" else ">"
-    seconds, rest, length = struct.unpack_from(order + "iII", data, _ENCAPSULATION)
+    seconds, rest, length = struct.unpack_from(order + "iII", data, cdr.ENCAPSULATION)
     if seconds < 0 or rest >= SECOND:
         raise MessageError(
             "header.stamp", f"{seconds} s {rest} ns", "a stamp from zero on with less than 1e9 ns"
         )
-    offset = _ENCAPSULATION + 12
+    offset = cdr.ENCAPSULATION + 12
     name = bytes(data[offset : offset + length]).rstrip(b"\0").decode()
     check_frame("header.frame_id", name, reference_frame)
-    offset = _aligned(offset + length, 4)
+    offset = cdr.aligned(offset + length, 4)
     (count,) = struct.unpack_from(order + "I", data, offset)
     if count > most:
         raise MessageError("poses", f"{count} of them", f"at most {most} obstacles")
-    offset = _aligned(offset + 4, 8) if count else offset + 4
+    offset = cdr.aligned(offset + 4, 8) if count else offset + 4
     if len(data) < offset + 56 * count:
         raise MessageError("(whole message)", f"{len(data)} bytes", f"{count} poses")
     poses = np.frombuffer(data, dtype=order + "f8", count=7 * count, offset=offset)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,7 @@ from geometry_msgs.msg import Transform, Twist
 from numpy.typing import NDArray
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
+from msg_adapters import cdr
 from msg_adapters.errors import MessageError
 from msg_adapters.geometry import (
     SECOND,
@@ -71,6 +73,45 @@ def reference_from_samples(
         joint_names=[frames[1]],
         points=[_point(*state) for state in zip(*samples, strict=True)],
     )
+
+
+# One point as it stands behind the number of its transforms, one of each: the numbers of its
+# velocities and accelerations, and that of the next point's transforms, with four bytes to align.
+_POINT = np.dtype(
+    [
+        ("translation", "<f8", 3),
+        ("rotation", "<f8", 4),
+        ("velocities", "<u4", 2),
+        ("linear_velocity", "<f8", 3),
+        ("rate", "<f8", 3),
+        ("accelerations", "<u4", 2),
+        ("linear_acceleration", "<f8", 3),
+        ("acceleration", "<f8", 3),
+        ("time", [("sec", "<i4"), ("nanosec", "<u4")]),
+        ("next", "<u4", 2),
+    ]
+)
+
+
+def cdr_from_samples(samples: Samples, nanoseconds: int, frames: tuple[str, str]) -> bytes:
+    """The message of `reference_from_samples`, serialised, at once.
+
+    To build it from Python objects, and to publish those, stops the stream for milliseconds.
+    """
+    count = len(samples.times)
+    head = cdr.padded(cdr.header(nanoseconds, frames[0]), 4) + struct.pack("<I", 1)
+    head = cdr.padded(head + cdr.string(frames[1]), 4) + struct.pack("<I", count)
+    if count == 0:
+        return head
+    points = np.zeros(count, dtype=_POINT)
+    points["rotation"] = samples.quaternions
+    points["rate"], points["acceleration"] = samples.rates, samples.accelerations
+    for number in ("velocities", "accelerations", "next"):
+        points[number][:, 0] = 1
+    points["time"]["sec"], points["time"]["nanosec"] = np.divmod(
+        np.round(samples.times * SECOND).astype(np.int64), SECOND
+    )
+    return cdr.padded(head + struct.pack("<I", 1), 8) + points.tobytes()[:-8]
 
 
 def samples_from_reference(message: MultiDOFJointTrajectory) -> tuple[Samples, int]:

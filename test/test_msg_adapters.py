@@ -10,6 +10,7 @@ pytest.importorskip("rclpy")
 
 from geometry_msgs.msg import Pose, PoseArray, PoseStamped, Quaternion, Vector3
 from rclpy.serialization import deserialize_message, serialize_message
+from trajectory_msgs.msg import MultiDOFJointTrajectory
 from visualization_msgs.msg import Marker
 
 from msg_adapters import MessageError, geometry, markers, status, trajectory
@@ -162,6 +163,19 @@ def test_trajectory_round_trip():
     assert stamp == STAMP
     for ours, theirs in zip(samples, back, strict=True):
         assert np.allclose(ours, theirs, atol=1e-15)
+
+
+@pytest.mark.parametrize("count", [0, 1, 7])
+@pytest.mark.parametrize("frames", [("", "b"), ("ab", "body"), ("abc", "base_link"), ("a", "")])
+def test_references_as_bytes_are_what_ros_makes_of_the_message(count, frames):
+    rng = np.random.default_rng(count)
+    quaternions = rng.normal(size=(count, 4))
+    times = np.sort(rng.uniform(0.0, 1e4, count))
+    samples = trajectory.Samples(times, quaternions, *rng.normal(size=(2, count, 3)))
+    message = trajectory.reference_from_samples(samples, STAMP, frames)
+    data = trajectory.cdr_from_samples(samples, STAMP, frames)
+    assert deserialize_message(data, MultiDOFJointTrajectory) == message
+    assert len(data) == len(serialize_message(message))
 
 
 def test_a_setpoint_message_is_filled_anew():

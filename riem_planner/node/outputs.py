@@ -33,17 +33,18 @@ def samples_of(proposal: Proposal, count: int) -> Samples:
     first = proposal.segments[0]
     total = (proposal.segments[-1].end_ns - first.start_ns) * 1e-9
     times = np.linspace(0.0, total, count)
-    rows = []
-    for time in times:
-        stamp_ns = first.start_ns + round(time * 1e9)
-        segment = next(s for s in reversed(proposal.segments) if s.start_ns <= stamp_ns)
-        rows.append(segment.at(stamp_ns))
-    return Samples(
-        times,
-        np.array([row.quaternion for row in rows]),
-        np.array([row.rate for row in rows]),
-        np.array([row.acceleration for row in rows]),
-    )
+    stamps = first.start_ns + np.round(times * 1e9).astype(np.int64)
+    starts = [segment.start_ns for segment in proposal.segments]
+    flown = np.searchsorted(starts, stamps, side="right") - 1
+    quaternions, rates, accelerations = np.empty((count, 4)), *np.empty((2, count, 3))
+    for index, segment in enumerate(proposal.segments):
+        here = flown == index
+        elapsed = np.minimum((stamps[here] - segment.start_ns) * 1e-9, segment.trajectory.duration)
+        q, v, a = segment.trajectory.evaluate_quaternion(elapsed)
+        held = (stamps[here] >= segment.end_ns)[:, None]
+        quaternions[here] = segment.sign * q
+        rates[here], accelerations[here] = np.where(held, 0.0, v), np.where(held, 0.0, a)
+    return Samples(times, quaternions, rates, accelerations)
 
 
 def scene_of(samples: Samples | None, proposal: Proposal | None, world: World,

@@ -31,7 +31,7 @@ from msg_adapters import status as status_messages
 from msg_adapters.geometry import quaternion_stamped
 from msg_adapters.markers import Key, markers_from_scene
 from msg_adapters.pose_array import cdr_from_orientations
-from msg_adapters.trajectory import SetpointMessage, reference_from_samples
+from msg_adapters.trajectory import SetpointMessage, cdr_from_samples
 from riem_planner.node import health, outputs
 from riem_planner.node.events import Event, Level, Proposal
 from riem_planner.node.executor import BesideGroup
@@ -49,8 +49,8 @@ FAILURE = TransitionCallbackReturn.FAILURE
 
 TICK = 0.05
 """Time between two looks at what changes with time [s]."""
-REDRAW = 0.5
-"""Time between two drawings of the zones while they move [s]."""
+REDRAW = 0.2
+"""Least time between two drawings: each takes milliseconds, which others may need [s]."""
 STANDSTILL = 5.0
 """How long the clock may stand still while a stop is waited for [s]."""
 
@@ -97,7 +97,8 @@ class PlannerNode(LifecycleNode):
         self._watch = health.StreamWatch()
         self._marker_keys: set[Key] = set()
         self._shown: Proposal | None = None
-        self._drawn = (-1, 0.0)
+        self._drawn: tuple[int, Proposal | None] = (-1, None)
+        self._drawn_at = 0.0
         self._last_stamp = 0
         self._status: tuple[Level, str, dict[str, object]] = (Level.OK, "no request yet", {})
         self._configured = False
@@ -392,8 +393,7 @@ class PlannerNode(LifecycleNode):
             return
         with self.calls() as now_ns:
             self.mission.tick(now_ns)
-        version, drawn = self._drawn
-        if self.mission.world.version != version and time.monotonic() - drawn > REDRAW:
+        if (self.mission.world.version, self._shown) != self._drawn:
             self._draw()
 
     # The stream ---------------------------------------------------------------------------------
@@ -454,7 +454,7 @@ class PlannerNode(LifecycleNode):
         self._status_publisher.publish(report)
 
     def _show(self, proposal: Proposal) -> None:
-        """Publish a plan: at once what is cheap, the rest beside the stream."""
+        """Publish a plan: at once what is cheap, the picture beside the stream."""
         settings = self.settings
         self._shown = proposal
         samples = outputs.samples_of(proposal, settings.trajectory_poses)
@@ -463,17 +463,16 @@ class PlannerNode(LifecycleNode):
             cdr_from_orientations(samples.quaternions, start_ns, settings.reference_frame)
         )
 
-        def reference() -> None:
-            frames = (settings.reference_frame, settings.body_frame)
-            self._reference.publish(reference_from_samples(samples, start_ns, frames))
-
-        self._worker.chore("reference", reference)
+        frames = (settings.reference_frame, settings.body_frame)
+        self._reference.publish(cdr_from_samples(samples, start_ns, frames))
         self._draw()
 
     def _draw(self) -> None:
+        if time.monotonic() - self._drawn_at < REDRAW:
+            return  # the next tick draws
         now_ns, settings, proposal = self.now_ns(), self.settings, self._shown
         world = self.mission.world
-        self._drawn = (world.version, time.monotonic())
+        self._drawn, self._drawn_at = (world.version, proposal), time.monotonic()
 
         def draw() -> None:
             samples = None

@@ -11,6 +11,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from simulation import SECOND, Simulation, discontinuities, settings
 
 from riem_planner.geometry import so3
+from riem_planner.node.outputs import samples_of
 from riem_planner.node.safety import Judge
 from riem_planner.solution import Status
 
@@ -266,6 +267,19 @@ def test_execute_refuses_what_is_no_longer_certified():
 def test_execute_without_a_plan_is_refused():
     simulation = _simulation(auto_execute=False)
     assert not simulation.mission.execute(simulation.now_ns)[0]
+
+
+def test_the_published_samples_of_a_plan_are_what_is_streamed_its_stop_included():
+    simulation = _simulation()
+    simulation.goal(Z_TURN, np.array([0.0, 0.01, 0.02]))
+    simulation.run(0.5)
+    proposal = next(event.proposal for event in simulation.events if event.code == "FLYING")
+    samples = samples_of(proposal, 57)
+    begin = proposal.segments[0].start_ns
+    for time, *state in zip(*samples, strict=True):
+        streamed = simulation.mission.timeline.at(begin + round(time * 1e9))
+        for ours, theirs in zip(state, streamed[1:], strict=True):
+            np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-14)
 
 
 def test_a_goal_with_a_rate_is_passed_at_that_rate_then_a_stop_follows():
