@@ -106,7 +106,7 @@ class Inputs:
                 try:
                     use(message, now_ns)
                 except MessageError as error:
-                    node.reject(topic, str(error))
+                    node.outputs.reject(topic, str(error))
 
         node.create_subscription(
             kind,

@@ -1,116 +1,195 @@
-"""What the node shows: plans as messages, drawings and reports."""
+"""Publishers: what the node streams, and what it tells and shows of its plans and its health."""
 
 from __future__ import annotations
 
-import math
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from diagnostic_msgs.msg import DiagnosticStatus
-from numpy.typing import NDArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseArray, QuaternionStamped
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.qos import (
+    DurabilityPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_policy_name_from_kind,
+)
+from trajectory_msgs.msg import MultiDOFJointTrajectory
+from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import status as status_messages
-from msg_adapters.markers import Cap, Scene
-from msg_adapters.trajectory import Samples
-from riem_planner.geometry import so3
+from msg_adapters.geometry import quaternion_stamped
+from msg_adapters.markers import Key, markers_from_scene
+from msg_adapters.pose_array import cdr_from_orientations
+from msg_adapters.trajectory import Samples, SetpointMessage, cdr_from_samples
+from riem_planner.node import health, reports
 from riem_planner.node.events import Event, Level, Proposal
-from riem_planner.node.health import Health
-from riem_planner.node.settings import Settings
-from riem_planner.node.world import World
-from riem_planner.obstacles import Zone
+from riem_planner.node.inputs import overriding
+from riem_planner.node.mission import Mission
+from riem_planner.node.timeline import Setpoint
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    from riem_planner.node.planner_node import PlannerNode
 
-LEVELS = {
-    Level.OK: status_messages.OK,
-    Level.WARN: status_messages.WARN,
-    Level.ERROR: status_messages.ERROR,
-}
-_AXES = 9  # attitudes whose body axes are drawn
+REDRAW = 0.2
+"""Least time between two drawings: each takes milliseconds, which others may need [s]."""
 
 
-def samples_of(proposal: Proposal, count: int) -> Samples:
-    """States of a plan, evenly in time, from its start; the final stop, if any, included."""
-    first = proposal.segments[0]
-    total = (proposal.segments[-1].end_ns - first.start_ns) * 1e-9
-    times = np.linspace(0.0, total, count)
-    stamps = first.start_ns + np.round(times * 1e9).astype(np.int64)
-    starts = [segment.start_ns for segment in proposal.segments]
-    flown = np.searchsorted(starts, stamps, side="right") - 1
-    quaternions, rates, accelerations = np.empty((count, 4)), *np.empty((2, count, 3))
-    for index, segment in enumerate(proposal.segments):
-        here = flown == index
-        elapsed = np.minimum((stamps[here] - segment.start_ns) * 1e-9, segment.trajectory.duration)
-        q, v, a = segment.trajectory.evaluate_quaternion(elapsed)
-        held = (stamps[here] >= segment.end_ns)[:, None]
-        quaternions[here] = segment.sign * q
-        rates[here], accelerations[here] = np.where(held, 0.0, v), np.where(held, 0.0, a)
-    return Samples(times, quaternions, rates, accelerations)
-
-
-def scene_of(samples: Samples | None, proposal: Proposal | None, world: World,
-             settings: Settings, now_ns: int) -> Scene:
-    """Drawing of the zones, and of a plan if there is one."""
-    obstacles = () if world.missing else world.obstacles(now_ns)
-    zones = [obstacle for obstacle in obstacles if isinstance(obstacle, Zone)]
-    caps = tuple(
-        Cap(str(zone.name), zone.kind == "keep_in", np.asarray(zone.direction), zone.half_angle)
-        for zone in zones
+def output_qos(*, latched: bool) -> QoSProfile:
+    """Reliable, depth 1; latched for late joiners, or not."""
+    return QoSProfile(
+        depth=1,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
     )
-    if samples is None:
-        return Scene({}, caps, None, np.zeros((0, 3, 3)), settings.boresight)
-    attitudes = so3.quaternion_to_matrix(samples.quaternions)
-    paths = {"boresight": attitudes @ settings.boresight}
-    for zone in zones:
-        if zone.boresight is not None and not np.allclose(zone.boresight, settings.boresight):
-            paths[str(zone.name)] = attitudes @ zone.boresight
-    picked = attitudes[np.linspace(0, len(attitudes) - 1, _AXES).round().astype(int)]
-    worst = None if proposal is None else _worst(proposal, zones, settings)
-    return Scene(paths, caps, worst, picked, settings.boresight)
 
 
-def _worst(proposal: Proposal, zones: list[Zone], settings: Settings) -> tuple[str, Array] | None:
-    certificate = proposal.solution.certificate
-    if certificate is None or not certificate.clearance:
-        return None
-    name = min(certificate.clearance, key=lambda key: certificate.clearance[key])
-    trajectory = proposal.segments[0].trajectory
-    time = min(max(certificate.worst[name], 0.0), trajectory.duration)
-    zone = next((zone for zone in zones if name in (zone.name, zone.group)), None)
-    axis = settings.boresight if zone is None or zone.boresight is None else zone.boresight
-    place = trajectory.evaluate(time)[0] @ axis
-    return f"{name}: {math.degrees(certificate.clearance[name]):.2f} deg", place
+class Outputs:
+    """The publishers of a planner node.
 
+    Attributes
+    ----------
+    watch
+        Intervals of the stream.
+    rejections
+        Bad messages.
+    """
 
-def status_values(event: Event) -> dict[str, object]:
-    """Numbers of an outcome, for ~/status."""
-    values: dict[str, object] = {"code": event.code}
-    solution, problem = event.solution, event.problem
-    if solution is None:
-        return values
-    values["solve_time_ms"] = 1e3 * solution.solve_time
-    values["iterations"] = solution.iterations
-    certificate = solution.certificate
-    if certificate is not None:
-        values["certified"] = certificate.certified
-        for name, clearance in certificate.clearance.items():
-            values[f"clearance_deg.{name}"] = math.degrees(clearance)
-        values["rate_bound_rad_s"] = certificate.rate_bound
-        values["boundary_error_rad"] = certificate.boundary_error[0]
-    if solution.trajectory is not None:
-        values["cost"] = solution.cost
-        values["duration_s"] = solution.trajectory.duration
-        values["trajectory_error_rad"] = solution.trajectory_error
-        values["local_minimum"] = (
-            "unknown" if solution.local_minimum is None else solution.local_minimum
+    def __init__(self, node: PlannerNode) -> None:
+        self.watch = health.StreamWatch()
+        self.rejections = health.Rejections()
+        self._node = node
+        self._status: tuple[Level, str, dict[str, object]] = (Level.OK, "no request yet", {})
+        self._shown: tuple[Proposal, Samples] | None = None
+        self._marker_keys: set[Key] = set()
+        self._drawn: tuple[int, object] = (-1, None)
+        self._drawn_at = 0.0
+        managed, plain = node.create_lifecycle_publisher, node.create_publisher
+        reference = MultiDOFJointTrajectory
+        self._trajectory = self._publisher(managed, PoseArray, "~/trajectory", latched=True)
+        self._reference = self._publisher(managed, reference, "~/reference", latched=True)
+        self._markers = self._publisher(managed, MarkerArray, "~/markers", latched=True)
+        self._setpoint = self._publisher(managed, reference, "~/setpoint", latched=False)
+        self._attitude = self._publisher(
+            managed, QuaternionStamped, "~/attitude_setpoint", latched=False
         )
-        values["alternatives"] = len(solution.alternatives)
-    if problem is not None:
-        values["obstacles"] = len(problem.obstacles)
-    return values
+        self._report = self._publisher(plain, DiagnosticStatus, "~/status", latched=True)
+        self._diagnostics = self._publisher(plain, DiagnosticArray, "/diagnostics", latched=False)
+        settings = node.settings
+        self._setpoint_message = SetpointMessage(settings.reference_frame, settings.body_frame)
 
+    def _publisher(
+        self, create: Callable[..., Any], kind: type, topic: str, *, latched: bool
+    ) -> Any:
+        def incompatible(event: Any) -> None:
+            policy = qos_policy_name_from_kind(event.last_policy_kind)
+            self._node.get_logger().warning(
+                f"{topic}: a subscriber asks for an incompatible {policy}; nothing goes to it."
+                f" Subscribe with another {policy}, or set qos_overrides of this topic"
+            )
 
-def health_message(health: Health, node: str, hardware: str) -> DiagnosticStatus:
-    """An entry of /diagnostics."""
-    return status_messages.status_from_report(
-        LEVELS[health.level], f"{node}: {health.name}", health.message, health.values, hardware
-    )
+        return create(
+            kind,
+            topic,
+            output_qos(latched=latched),
+            event_callbacks=PublisherEventCallbacks(incompatible_qos=incompatible),
+            qos_overriding_options=overriding(),
+        )
+
+    def stream(self, setpoint: Setpoint) -> None:
+        """Publish a setpoint."""
+        stamp_ns, quaternion, rate, acceleration = setpoint
+        self._setpoint.publish(
+            self._setpoint_message.filled(stamp_ns, quaternion, rate, acceleration)
+        )
+        frame = self._setpoint_message.message.header.frame_id
+        self._attitude.publish(quaternion_stamped(quaternion, stamp_ns, frame))
+        self.watch.note(time.monotonic())
+
+    def reject(self, topic: str, problem: str) -> None:
+        """Note a bad message; warn now and then."""
+        warning = self.rejections.note(topic, problem)
+        if warning is None:
+            return
+        self._node.get_logger().warning(warning)
+        level, message, values = self._status
+        self._publish_status(
+            Level.WARN if level is Level.OK else level,
+            f"{warning}; before: {message}",
+            {**values, "rejected": warning},
+        )
+
+    def tell(self, event: Event) -> None:
+        """Log an event and publish it as the status, with its plan if it has one."""
+        log = self._node.get_logger()
+        if event.level is Level.OK:
+            log.info(f"{event.code}: {event.message}")
+        elif event.level is Level.WARN:
+            log.warning(f"{event.code}: {event.message}")
+        else:
+            log.error(f"{event.code}: {event.message}")
+        self._status = (event.level, event.message, reports.status_values(event))
+        self._publish_status(*self._status)
+        if event.proposal is not None:
+            self._show(event.proposal)
+
+    def _publish_status(self, level: Level, message: str, values: dict[str, object]) -> None:
+        name = f"{self._node.get_name()}: plan"
+        self._report.publish(
+            status_messages.status_from_report(
+                reports.LEVELS[level], name, message, values, self._node.settings.body_frame
+            )
+        )
+
+    def _show(self, proposal: Proposal) -> None:
+        settings = self._node.settings
+        samples = reports.samples_of(proposal, settings.trajectory_poses)
+        self._shown = (proposal, samples)
+        start_ns = proposal.segments[0].start_ns
+        self._trajectory.publish(
+            cdr_from_orientations(samples.quaternions, start_ns, settings.reference_frame)
+        )
+        frames = (settings.reference_frame, settings.body_frame)
+        self._reference.publish(cdr_from_samples(samples, start_ns, frames))
+        self.draw()
+
+    def forget(self) -> None:
+        """Show no plan from now on."""
+        self._shown = None
+
+    def draw(self) -> None:
+        """Draw plan and zones beside the stream, if anything has changed; now, or a little later.
+
+        What comes sooner after the last drawing than `REDRAW` is left to a later call.
+        """
+        node, shown = self._node, self._shown
+        world = node.mission.world
+        state = (world.version, shown)
+        if state == self._drawn or time.monotonic() - self._drawn_at < REDRAW:
+            return
+        self._drawn, self._drawn_at = state, time.monotonic()
+        now_ns, settings = node.now_ns(), node.settings
+
+        def drawing() -> None:
+            with node.lock:
+                scene = reports.scene_of(shown, world, settings, now_ns)
+            markers, self._marker_keys = markers_from_scene(
+                scene, now_ns, settings.reference_frame, self._marker_keys
+            )
+            self._markers.publish(markers)
+
+        node.worker.chore("markers", drawing)
+
+    def report_health(self, mission: Mission, now_ns: int) -> None:
+        """Publish the diagnostics."""
+        node = self._node
+        entries = [
+            health.planner_health(mission, now_ns),
+            self.watch.report(1e-9 * node.settings.period_ns),
+            health.inputs_health(mission, self.rejections, now_ns),
+            health.tracking_health(mission, now_ns),
+        ]
+        name, hardware = node.get_name(), node.settings.body_frame
+        statuses = [reports.health_message(entry, name, hardware) for entry in entries]
+        self._diagnostics.publish(status_messages.diagnostics(statuses, now_ns))

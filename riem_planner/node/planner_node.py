@@ -10,33 +10,16 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import PoseArray, QuaternionStamped
 from lifecycle_msgs.srv import ChangeState
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.exceptions import InvalidHandle
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.qos import (
-    DurabilityPolicy,
-    QoSProfile,
-    ReliabilityPolicy,
-    qos_policy_name_from_kind,
-)
 from std_srvs.srv import Trigger
-from trajectory_msgs.msg import MultiDOFJointTrajectory
-from visualization_msgs.msg import MarkerArray
 
-from msg_adapters import status as status_messages
-from msg_adapters.geometry import quaternion_stamped
-from msg_adapters.markers import Key, markers_from_scene
-from msg_adapters.pose_array import cdr_from_orientations
-from msg_adapters.trajectory import SetpointMessage, cdr_from_samples
-from riem_planner.node import health, outputs
-from riem_planner.node.events import Event, Level, Proposal
 from riem_planner.node.executor import BesideGroup
-from riem_planner.node.inputs import Inputs, overriding
+from riem_planner.node.inputs import Inputs
 from riem_planner.node.mission import BACKWARD_NS, FORWARD_NS, Mission
+from riem_planner.node.outputs import Outputs
 from riem_planner.node.parameters import Parameters
 from riem_planner.node.planning import Goal, Result
 from riem_planner.node.settings import Settings
@@ -49,24 +32,8 @@ FAILURE = TransitionCallbackReturn.FAILURE
 
 TICK = 0.05
 """Time between two looks at what changes with time [s]."""
-REDRAW = 0.2
-"""Least time between two drawings: each takes milliseconds, which others may need [s]."""
 STANDSTILL = 5.0
 """How long the clock may stand still while a stop is waited for [s]."""
-
-
-def _latched() -> QoSProfile:
-    return QoSProfile(
-        depth=1,
-        reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL,
-    )
-
-
-def _streamed() -> QoSProfile:
-    return QoSProfile(
-        depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.VOLATILE
-    )
 
 
 class PlannerNode(LifecycleNode):
@@ -82,6 +49,15 @@ class PlannerNode(LifecycleNode):
     options
         Those of a lifecycle node.
 
+    Attributes
+    ----------
+    mission
+        What decides; called with `lock` held.
+    outputs
+        What publishes.
+    worker
+        What plans.
+
     Raises
     ------
     InvalidProblemError
@@ -91,26 +67,19 @@ class PlannerNode(LifecycleNode):
     def __init__(self, *, settle: Callable[[], None] = lambda: None, **options: Any) -> None:
         super().__init__("riem_planner", **options)
         self._settle = settle
-        self._lock = threading.RLock()
+        self.lock = threading.RLock()
         self._results: deque[Result] = deque()
-        self._rejections = health.Rejections()
-        self._watch = health.StreamWatch()
-        self._marker_keys: set[Key] = set()
-        self._shown: Proposal | None = None
-        self._drawn: tuple[int, Proposal | None] = (-1, None)
-        self._drawn_at = 0.0
         self._last_stamp = 0
-        self._status: tuple[Level, str, dict[str, object]] = (Level.OK, "no request yet", {})
         self._configured = False
         self._closing = False
         self._declared = Parameters(self, lambda: not self._configured, self._changed)
         self.mission = Mission(self.settings)
-        self._create_outputs()
+        self.worker = Worker(self._deliver, self.fault)
+        self.outputs = Outputs(self)
         self._inputs = Inputs(self)
         self._create_services()
         self._guard_transitions()
         self._delivered = self.create_guard_condition(self._take_results)
-        self._worker = Worker(self._deliver, self.fault)
         self._create_timers()
         self._report_unknown()
 
@@ -120,44 +89,6 @@ class PlannerNode(LifecycleNode):
         return self._declared.settings
 
     # Set-up -------------------------------------------------------------------------------------
-
-    def _create_outputs(self) -> None:
-        settings = self.settings
-        latched, streamed = _latched, _streamed
-        managed = self.create_lifecycle_publisher
-        self._trajectory = self._publisher(managed, PoseArray, "~/trajectory", latched())
-        self._reference = self._publisher(
-            managed, MultiDOFJointTrajectory, "~/reference", latched()
-        )
-        self._markers = self._publisher(managed, MarkerArray, "~/markers", latched())
-        self._setpoint = self._publisher(
-            managed, MultiDOFJointTrajectory, "~/setpoint", streamed()
-        )
-        self._attitude = self._publisher(
-            managed, QuaternionStamped, "~/attitude_setpoint", streamed()
-        )
-        plain = self.create_publisher
-        self._status_publisher = self._publisher(plain, DiagnosticStatus, "~/status", latched())
-        self._diagnostics = self._publisher(plain, DiagnosticArray, "/diagnostics", streamed())
-        self._setpoint_message = SetpointMessage(settings.reference_frame, settings.body_frame)
-
-    def _publisher(
-        self, create: Callable[..., Any], kind: type, topic: str, qos: QoSProfile
-    ) -> Any:
-        def incompatible(event: Any) -> None:
-            policy = qos_policy_name_from_kind(event.last_policy_kind)
-            self.get_logger().warning(
-                f"{topic}: a subscriber asks for an incompatible {policy}; nothing goes to it."
-                f" Subscribe with another {policy}, or set qos_overrides of this topic"
-            )
-
-        return create(
-            kind,
-            topic,
-            qos,
-            event_callbacks=PublisherEventCallbacks(incompatible_qos=incompatible),
-            qos_overriding_options=overriding(),
-        )
 
     def _create_services(self) -> None:
         def trigger(call: Callable[[int], tuple[bool, str]]) -> Callable[[Any, Any], Any]:
@@ -229,7 +160,7 @@ class PlannerNode(LifecycleNode):
         """Validate the parameters and warm the kernels."""
         if not self._warm():
             return FAILURE
-        with self._lock:
+        with self.lock:
             self.mission = Mission(self.settings)
             self._configured = True
         return super().on_configure(state)
@@ -246,7 +177,7 @@ class PlannerNode(LifecycleNode):
                 failures.append(f"{type(error).__name__}: {error}")
             done.set()
 
-        self._worker.chore("warm up", warm)
+        self.worker.chore("warm up", warm)
         while not done.wait(0.05):
             if self._closing or not self.context.ok():
                 return False
@@ -265,17 +196,17 @@ class PlannerNode(LifecycleNode):
                 goal = Goal(np.array(self.settings.goal_orientation), np.zeros(3))
                 self.mission.set_goal(goal, now_ns)
         self.get_logger().info("ready")
-        self._draw()
+        self.outputs.draw()
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Come to rest along a certified stop, then end the stream."""
         self._come_to_rest()
         self._stop_streaming()
-        with self._lock:
+        with self.lock:
             self.mission.deactivate()
-            self._shown = None
-        self._worker.withdraw()
+            self.outputs.forget()
+        self.worker.withdraw()
         return super().on_deactivate(state)
 
     def _come_to_rest(self) -> None:
@@ -283,7 +214,7 @@ class PlannerNode(LifecycleNode):
             self.mission.cancel(now_ns)
         last_ns, since = 0, time.monotonic()
         while self.context.ok() and not self._closing:
-            with self._lock:
+            with self.lock:
                 now_ns = self.now_ns()
                 timeline = self.mission.timeline
             # The last setpoint says that it is at rest, so that a controller knows.
@@ -299,7 +230,7 @@ class PlannerNode(LifecycleNode):
 
     def _stop_streaming(self) -> None:
         self._streamer.stop()
-        self._watch.pause()
+        self.outputs.watch.pause()
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Forget everything that came."""
@@ -322,8 +253,8 @@ class PlannerNode(LifecycleNode):
         return SUCCESS
 
     def _forget(self) -> None:
-        with self._lock:
-            self._worker.withdraw()
+        with self.lock:
+            self.worker.withdraw()
             self.mission = Mission(self.settings)
             self._configured = False
 
@@ -331,7 +262,7 @@ class PlannerNode(LifecycleNode):
         """End the worker and the node; whether nothing is left that can't be interrupted."""
         self._closing = True
         ended = self._streamer.close(0.3)
-        ended = self._worker.close(0.3) and ended
+        ended = self.worker.close(0.3) and ended
         with suppress(InvalidHandle):  # another thread may be in the middle of a call
             self.destroy_node()
         return ended
@@ -352,7 +283,7 @@ class PlannerNode(LifecycleNode):
 
         A fault in a call is told and ends there: what was certified before is streamed on.
         """
-        with self._lock:
+        with self.lock:
             try:
                 yield self.now_ns()
                 self._follow_up()
@@ -363,11 +294,11 @@ class PlannerNode(LifecycleNode):
         mission = self.mission
         request = mission.take_wanted()
         if request is not None:
-            self._worker.submit(request)
+            self.worker.submit(request)
         elif mission.pending is None:
-            self._worker.withdraw()
+            self.worker.withdraw()
         for event in mission.take_events():
-            self._tell(event)
+            self.outputs.tell(event)
 
     def _changed(self, settings: Settings) -> None:
         with self.calls() as now_ns:
@@ -393,8 +324,11 @@ class PlannerNode(LifecycleNode):
             return
         with self.calls() as now_ns:
             self.mission.tick(now_ns)
-        if (self.mission.world.version, self._shown) != self._drawn:
-            self._draw()
+        self.outputs.draw()
+
+    def _report_health(self) -> None:
+        with self.lock:
+            self.outputs.report_health(self.mission, self.now_ns())
 
     # The stream ---------------------------------------------------------------------------------
 
@@ -410,95 +344,4 @@ class PlannerNode(LifecycleNode):
         if setpoint is None:
             return
         self._last_stamp = now_ns
-        _, quaternion, rate, acceleration = setpoint
-        self._setpoint.publish(
-            self._setpoint_message.filled(now_ns, quaternion, rate, acceleration)
-        )
-        frame = self._setpoint_message.message.header.frame_id
-        self._attitude.publish(quaternion_stamped(quaternion, now_ns, frame))
-        self._watch.note(time.monotonic())
-
-    # Telling ------------------------------------------------------------------------------------
-
-    def reject(self, topic: str, problem: str) -> None:
-        """Note a bad message; warn now and then."""
-        warning = self._rejections.note(topic, problem)
-        if warning is None:
-            return
-        self.get_logger().warning(warning)
-        level, message, values = self._status
-        self._publish_status(
-            Level.WARN if level is Level.OK else level,
-            f"{warning}; before: {message}",
-            {**values, "rejected": warning},
-        )
-
-    def _tell(self, event: Event) -> None:
-        log = self.get_logger()
-        if event.level is Level.OK:
-            log.info(f"{event.code}: {event.message}")
-        elif event.level is Level.WARN:
-            log.warning(f"{event.code}: {event.message}")
-        else:
-            log.error(f"{event.code}: {event.message}")
-        self._status = (event.level, event.message, outputs.status_values(event))
-        self._publish_status(*self._status)
-        if event.proposal is not None:
-            self._show(event.proposal)
-
-    def _publish_status(self, level: Level, message: str, values: dict[str, object]) -> None:
-        name = f"{self.get_name()}: plan"
-        report = status_messages.status_from_report(
-            outputs.LEVELS[level], name, message, values, self.settings.body_frame
-        )
-        self._status_publisher.publish(report)
-
-    def _show(self, proposal: Proposal) -> None:
-        """Publish a plan: at once what is cheap, the picture beside the stream."""
-        settings = self.settings
-        self._shown = proposal
-        samples = outputs.samples_of(proposal, settings.trajectory_poses)
-        start_ns = proposal.segments[0].start_ns
-        self._trajectory.publish(
-            cdr_from_orientations(samples.quaternions, start_ns, settings.reference_frame)
-        )
-
-        frames = (settings.reference_frame, settings.body_frame)
-        self._reference.publish(cdr_from_samples(samples, start_ns, frames))
-        self._draw()
-
-    def _draw(self) -> None:
-        if time.monotonic() - self._drawn_at < REDRAW:
-            return  # the next tick draws
-        now_ns, settings, proposal = self.now_ns(), self.settings, self._shown
-        world = self.mission.world
-        self._drawn, self._drawn_at = (world.version, proposal), time.monotonic()
-
-        def draw() -> None:
-            samples = None
-            if proposal is not None:
-                samples = outputs.samples_of(proposal, settings.trajectory_poses)
-            with self._lock:
-                scene = outputs.scene_of(samples, proposal, world, settings, now_ns)
-            markers, self._marker_keys = markers_from_scene(
-                scene, now_ns, settings.reference_frame, self._marker_keys
-            )
-            self._markers.publish(markers)
-
-        self._worker.chore("markers", draw)
-
-    def _report_health(self) -> None:
-        with self._lock:
-            now_ns = self.now_ns()
-            period = 1e-9 * self.settings.period_ns
-            entries = [
-                health.planner_health(self.mission, now_ns),
-                self._watch.report(period),
-                health.inputs_health(self.mission, self._rejections, now_ns),
-                health.tracking_health(self.mission, now_ns),
-            ]
-        name, hardware = self.get_name(), self.settings.body_frame
-        statuses = [outputs.health_message(entry, name, hardware) for entry in entries]
-        self._diagnostics.publish(status_messages.diagnostics(statuses, now_ns))
-
-
+        self.outputs.stream(setpoint)

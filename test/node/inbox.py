@@ -15,6 +15,7 @@ class Inbox:
         self._receivers = {}
         self.settings = simulation.mission.settings
         self.rejected = []
+        self.outputs = self
         Inputs(self)
 
     @property

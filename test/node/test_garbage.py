@@ -38,7 +38,7 @@ def _throw(bench, count, seed):
     """Spoiled messages at the node, as fast as it takes them; how many it refused."""
     rng = np.random.default_rng(seed)
     names = ["goal", "goal_state", "state", "imu", "zones/sun", "obstacles"]
-    counts = bench.node._rejections.counts
+    counts = bench.node.outputs.rejections.counts
     for k in range(count):
         name = names[k % len(names)]
         message = spoiled(name, rng, bench.node.now_ns())
@@ -77,7 +77,7 @@ def test_a_hundred_thousand_poses_are_refused_beside_the_stream(ros):
     flown = bench.node.mission.timeline.last
     poses = [Pose(orientation=geometry.quaternion_to_message(ODD))] * 100_000
     bench.send("obstacles", PoseArray(header=geometry.header(0, FRAME), poses=poses))
-    bench.wait(lambda: bench.node._rejections.counts.get("~/obstacles", 0) == 1, 20.0)
+    bench.wait(lambda: bench.node.outputs.rejections.counts.get("~/obstacles", 0) == 1, 20.0)
     _unharmed(bench, flown)
 
 

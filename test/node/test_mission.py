@@ -11,7 +11,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from simulation import SECOND, Simulation, discontinuities, settings
 
 from riem_planner.geometry import so3
-from riem_planner.node.outputs import samples_of
+from riem_planner.node.reports import samples_of
 from riem_planner.node.safety import Judge
 from riem_planner.solution import Status
 

@@ -210,7 +210,7 @@ def test_bad_messages_are_rejected_whole_named_and_change_nothing(ros):
     bench.goal(Z_TURN)
     bench.wait(lambda: "FLYING" in bench.codes())
     flown = bench.node.mission.timeline.last
-    rejections = bench.node._rejections
+    rejections = bench.node.outputs.rejections
     bad = _bad_messages(bench.node.now_ns())
     for sent, (name, message, field) in enumerate(bad, start=1):
         bench.send(name, message)
