@@ -26,8 +26,8 @@ from riem_planner import (
     solve,
 )
 from riem_planner.geometry import so3, sphere
-from riem_planner.plan import _is_minimum, solve_many
-from riem_planner.solver.extremal import extremal_near
+from riem_planner.plan import _is_minimum, _stated_cost, published, solve_many
+from riem_planner.solver.extremal import INTERVAL, extremal_near
 from riem_planner.solver.setup import set_up
 from riem_planner.solver.watch import Watch
 
@@ -91,6 +91,24 @@ def test_answers_stand_a_check_that_is_not_the_certificate(solved, name):
         assert faults(problem, solution.trajectory) == []
         cost = trajectory_cost(problem, solution.trajectory)
         assert cost == pytest.approx(solution.cost, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["textbook", "random-so3", "random-s2", "random-cones"])
+def test_true_errors_are_within_the_tolerance_and_the_estimates(solved, name):
+    for _, problem, solution in zip(*solved(name), strict=True):
+        # The same extremal on a mesh four times finer.
+        setup, times = set_up(problem), np.linspace(0.0, 1.0, 201)
+        q = solution.trajectory.evaluate_quaternion(times * problem.duration)[0]
+        q = so3.quaternion_multiply(q, setup.body)
+        finer = extremal_near(setup, times, q, 1e-8, Watch(None, None), 0.25 * INTERVAL)
+        trajectory = published(problem, setup, finer)
+        times = np.linspace(0.0, problem.duration, 1001)
+        ours, theirs = (t.evaluate(times)[0] for t in (solution.trajectory, trajectory))
+        apart = distances(ours, theirs, problem.space, problem.boresight).max()
+        assert apart <= 1e-8
+        assert apart <= solution.trajectory_error + finer.error + 1e-12
+        cost = _stated_cost(problem, setup, finer, trajectory) / problem.duration**3
+        assert solution.cost == pytest.approx(cost, rel=1e-8)
 
 
 def test_alternatives_are_certified_other_costlier_and_in_order(solved):

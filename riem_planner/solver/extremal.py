@@ -26,7 +26,7 @@ _MOST_BISECTED = 600
 _HALVING, _HALVING_AT_CUT = 128.0, 8.0
 # What an error of (attitude, v, a, j) makes of the attitude in unit time, roughly.
 _EFFECT = np.repeat([1.0, 1.0, 1 / 2, 1 / 6], 3)
-_SAFETY = 1.5  # of the error estimates, which are of first order
+_SAFETY = 2.0  # of the error estimates, which are of first order
 _ROUNDING = 1e-8  # defects that no longer halve below this are rounding
 
 
@@ -97,11 +97,13 @@ def _on_mesh(
     """
     M = mesh.size - 1
     fixed = (setup.pointing, setup.table, setup.sigma, mesh, states)
-    defects, whole, step = np.empty((M, 12)), np.empty((M, 13)), np.empty((M + 1, 12))
+    defects, whole = np.empty((M, 12)), np.empty((M, 13))
+    step, left = np.empty((M + 1, 12)), np.empty((M + 1, 12))
     middles, costs, interpolation = np.empty((M, 13)), np.empty(M), np.empty(M)
     size, previous = far, np.inf
     residual, sensitivity = np.inf, 1.0
-    local = difference = None
+    gain, local, difference = np.zeros(M), np.zeros((M, 12)), np.zeros(M)
+    polished = False
     for _ in range(_MOST_NEWTON_STEPS):
         near = size < _NEAR
         if near:
@@ -110,10 +112,12 @@ def _on_mesh(
                 return None  # it runs through an obstacle
             before, residual = residual, float(np.abs(defects).max())
             stalled = residual > 0.5 * before and residual < _ROUNDING
-            if local is not None and (sensitivity * residual <= 0.1 * tolerance or stalled):
+            if polished and (sensitivity * residual <= 0.1 * tolerance or stalled):
                 break
+            crossing = crosses_cut(setup.table, mesh, states).any(axis=0)
+            gain = np.where(crossing, 1.0 / _HALVING_AT_CUT, 1.0 / _HALVING)
         watch.count()
-        if not shooting.newton(*fixed, setup.goal, defects, near, whole, step):
+        if not shooting.newton(*fixed, setup.goal, defects, near, gain, whole, step, left):
             return None
         previous = size
         size = shooting.advance(states, step, 1.0)
@@ -122,29 +126,25 @@ def _on_mesh(
         if near:
             # What halving the steps changes; it hardly depends on the states.
             local, difference = defects - whole[:, :12], np.abs(costs - whole[:, 12])
+            polished = True
             # Least at 1: a lucky step must not make the estimate small.
             sensitivity = max(1.0, size / max(residual, 1e-300))
     else:
         return None
     cost = float(costs.sum())
-    crossing = crosses_cut(setup.table, mesh, states).any(axis=0)
-    gain = np.where(crossing, 1.0 / _HALVING_AT_CUT, 1.0 / _HALVING)
-    # The Newton step that would take away what is left, defects and half steps' own errors alike.
-    left = defects + gain[:, None] * local
-    watch.count()
-    if not shooting.newton(*fixed, setup.goal, left, True, whole, step):
-        return None
-    discretisation = _SAFETY * float(np.linalg.norm(step[:, :3], axis=1).max())
+    # What the half steps' own errors make of the solution, and the defects that are left.
+    own = float(np.linalg.norm(left[:, :3], axis=1).max())
+    discretisation = _SAFETY * (own + sensitivity * residual)
     between = _SAFETY * interpolation
-    error = max(discretisation, float(between.max()))
+    error = discretisation + float(between.max())
     cost_error = float(gain @ difference) / max(cost, 1e-300)
     samples = np.empty((2 * M + 1, 13))
     samples[::2], samples[1::2] = states, middles
     times = np.empty(2 * M + 1)
     times[::2], times[1::2] = mesh, 0.5 * (mesh[1:] + mesh[:-1])
-    split = between > tolerance
-    if discretisation > tolerance:
-        share = np.linalg.norm(left * _EFFECT, axis=1)
+    split = between > 0.5 * tolerance
+    if discretisation > 0.5 * tolerance:
+        share = gain * np.linalg.norm(local * _EFFECT, axis=1)
         split |= share > 0.1 * share.max()
     if cost_error > tolerance:
         split |= gain * difference > 0.5 * tolerance * cost / M

@@ -25,7 +25,7 @@ _STAGES = 12
 _A = np.ascontiguousarray(DOP853.A[:_STAGES, :_STAGES])
 _B = np.ascontiguousarray(DOP853.B)
 _C = np.ascontiguousarray(DOP853.C[:_STAGES])
-_COLUMNS = 8  # a basis of at most 6, the particular solution, and padding for the vector unit
+_COLUMNS = 8  # a basis of at most 6, and two particular solutions
 _SIZE = 12 * _COLUMNS
 _SINGULAR = 1e-7  # of the greatest pivot
 STATE = 13  # quaternion, v, a, j
@@ -223,7 +223,9 @@ def measure(pointing, table, sigma, times, states, defects, middles, costs, inte
 
 
 @kernel
-def newton(pointing, table, sigma, times, states, goal, defects, given, whole, step):
+def newton(
+    pointing, table, sigma, times, states, goal, defects, given, gain, whole, step, left
+):
     """Newton step of the multiple-shooting equations.
 
     Parameters
@@ -234,10 +236,14 @@ def newton(pointing, table, sigma, times, states, goal, defects, given, whole, s
         Quaternion and body rate at the end; on S^2 only the direction and its velocity count.
     defects : (M, 12)
         Used where `given`, else overwritten by those of whole steps.
+    gain : (M,)
+        Share of the given defects' difference to those of whole steps that is their own error.
     whole : (M, 13)
         Out: defects of whole steps, and the cost of each interval.
     step : (M + 1, 12)
         Out: perturbations of the states that would meet the linearised equations.
+    left : (M + 1, 12)
+        Out, where the defects are given: what their own errors make of the solution.
 
     Returns
     -------
@@ -249,10 +255,11 @@ def newton(pointing, table, sigma, times, states, goal, defects, given, whole, s
     work = _workspace()
     y = np.zeros(_WIDTH)
     W = np.zeros(_SIZE)
+    # Two right-hand sides: the defects, and their errors.
     Y = np.zeros((M + 1, 12, 6))
-    z = np.zeros((M + 1, 12))
+    z = np.zeros((M + 1, 2, 12))
     U = np.zeros((M, 6, 6))
-    rho = np.zeros((M, 6))
+    rho = np.zeros((M, 2, 6))
     if pointing:
         Y[0, 6, 0] = Y[0, 7, 1] = Y[0, 9, 2] = Y[0, 10, 3] = 1.0
     else:
@@ -262,7 +269,8 @@ def newton(pointing, table, sigma, times, states, goal, defects, given, whole, s
         for i in range(12):
             for j in range(columns):
                 W[i * c + j] = Y[k, i, j]
-            W[i * c + 6] = z[k, i]
+            W[i * c + 6] = z[k, 0, i]
+            W[i * c + 7] = z[k, 1, i]
         for i in range(STATE):
             y[i] = states[k, i]
         y[STATE] = 0.0
@@ -276,7 +284,7 @@ def newton(pointing, table, sigma, times, states, goal, defects, given, whole, s
         for j in range(columns):
             for i in range(12):
                 E[i, j] = W[i * c + j]
-        # Modified Gram-Schmidt, twice the particular solution's share for its orthogonality.
+        # Modified Gram-Schmidt.
         for j in range(columns):
             for m in range(j):
                 s = 0.0
@@ -296,20 +304,55 @@ def newton(pointing, table, sigma, times, states, goal, defects, given, whole, s
             for i in range(12):
                 E[i, j] *= s
         for i in range(12):
-            z[k + 1, i] = W[i * c + 6] + defects[k, i]
-        for j in range(columns):
-            s = 0.0
-            for i in range(12):
-                s += E[i, j] * z[k + 1, i]
-            rho[k, j] = s
-            for i in range(12):
-                z[k + 1, i] -= s * E[i, j]
+            z[k + 1, 0, i] = W[i * c + 6] + defects[k, i]
+            z[k + 1, 1, i] = W[i * c + 7] + gain[k] * (defects[k, i] - whole[k, i])
+        for r in range(2):
+            for j in range(columns):
+                s = 0.0
+                for i in range(12):
+                    s += E[i, j] * z[k + 1, r, i]
+                rho[k, r, j] = s
+                for i in range(12):
+                    z[k + 1, r, i] -= s * E[i, j]
 
-    # Conditions at the goal, rows G of the last perturbation and right-hand side g.
     G = np.zeros((6, 12))
     g = np.zeros(6)
-    end = states[M]
-    error = np.empty(12)
+    _goal_conditions(pointing, states[M], goal, G, g)
+    finite = True
+    for r in range(2):
+        system = np.zeros((columns, columns))
+        beta = np.zeros(columns)
+        for i in range(columns):
+            # The errors leave the end where it is.
+            beta[i] = g[i] if r == 0 else 0.0
+            for m in range(12):
+                beta[i] -= G[i, m] * z[M, r, m]
+                for j in range(columns):
+                    system[i, j] += G[i, m] * Y[M, m, j]
+        if not _solve(system, beta):
+            return False
+        out = step if r == 0 else left
+        for k in range(M, -1, -1):
+            if k < M:
+                for j in range(columns):
+                    beta[j] -= rho[k, r, j]
+                for j in range(columns - 1, -1, -1):
+                    s = beta[j]
+                    for m in range(j + 1, columns):
+                        s -= U[k, j, m] * beta[m]
+                    beta[j] = s / U[k, j, j]
+            for i in range(12):
+                s = z[k, r, i]
+                for j in range(columns):
+                    s += Y[k, i, j] * beta[j]
+                out[k, i] = s
+                finite = finite and abs(s) < np.inf
+    return finite
+
+
+@inlined
+def _goal_conditions(pointing, end, goal, G, g):
+    """Rows G of the last perturbation and right-hand side g that meet the goal; from zeros."""
     if pointing:
         # The goal's direction in body components of the last attitude.
         to_goal = np.empty(4)
@@ -327,38 +370,11 @@ def newton(pointing, table, sigma, times, states, goal, defects, given, whole, s
         G[2, 3], G[2, 2], G[2, 0], g[2] = 1.0, -u0, u2, -u1 - end[4]
         G[3, 4], G[3, 2], G[3, 1], g[3] = 1.0, -u1, u2, u0 - end[5]
     else:
+        error = np.empty(3)
         relative(end, goal, error)
         for i in range(3):
             G[i, i], g[i] = 1.0, error[i]
             G[3 + i, 3 + i], g[3 + i] = 1.0, goal[4 + i] - end[4 + i]
-    system = np.zeros((columns, columns))
-    right = np.zeros(columns)
-    for i in range(columns):
-        right[i] = g[i]
-        for m in range(12):
-            right[i] -= G[i, m] * z[M, m]
-            for j in range(columns):
-                system[i, j] += G[i, m] * Y[M, m, j]
-    if not _solve(system, right):
-        return False
-    beta = right
-    finite = True
-    for k in range(M, -1, -1):
-        if k < M:
-            for j in range(columns):
-                beta[j] -= rho[k, j]
-            for j in range(columns - 1, -1, -1):
-                s = beta[j]
-                for m in range(j + 1, columns):
-                    s -= U[k, j, m] * beta[m]
-                beta[j] = s / U[k, j, j]
-        for i in range(12):
-            s = z[k, i]
-            for j in range(columns):
-                s += Y[k, i, j] * beta[j]
-            step[k, i] = s
-            finite = finite and abs(s) < np.inf
-    return finite
 
 
 @inlined

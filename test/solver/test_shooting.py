@@ -63,10 +63,10 @@ def on_mesh(problem):
 def newton_step(setup, mesh, states):
     """Defects of whole steps, and the Newton step for them."""
     defects, whole = np.empty((mesh.size - 1, 12)), np.empty((mesh.size - 1, 13))
-    step = np.empty((mesh.size, 12))
+    step, left = np.empty((2, mesh.size, 12))
     assert newton(
         setup.pointing, setup.table, setup.sigma, mesh, states, setup.goal,
-        defects, False, whole, step,
+        defects, False, np.zeros(mesh.size - 1), whole, step, left,
     )  # fmt: skip
     return defects, step
 
