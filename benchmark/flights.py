@@ -24,11 +24,7 @@ def flights() -> Table:
     for path in sorted(PROBLEMS.glob("*.yaml")):
         problem = read_problem(path)
         limits = problem.limits
-        spacecraft = (
-            Spacecraft(np.diag([2.0, 3.0, 4.0]))  # the source gives none
-            if limits is None
-            else Spacecraft(limits.inertia_matrix, limits.torque, limits.momentum)
-        )
+        spacecraft = Spacecraft(limits.inertia_matrix, limits.torque, limits.momentum)
         trajectory = plan(problem)
         flight = fly(trajectory, problem, spacecraft)
         closest = min(flight.clearance, key=lambda name: flight.clearance[name])

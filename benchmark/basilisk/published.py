@@ -20,34 +20,26 @@ HOLD = 20.0  # s at rest after the end, so that a lag at the end is seen
 TRACKING_BAR = 0.05  # degrees
 AGREEMENT_BAR = 1e-9  # rad, between boreAngCalc's angles and ours
 
-# The inertia of the sources (kg m^2), and wheels. Jackson's are its own four with torques of
-# u/60 and |u| <= 0.5; Shen's source has none, so they are three that do not bind. Neither
-# source states a momentum.
+# Jackson's source has four wheels; the others fly with one along each body axis.
 _SINE, _COSINE = np.sin(np.radians(15.0)), np.cos(np.radians(15.0))
-_CRAFTS = {
-    "shen_yue_goh_2018": Craft(np.diag([350.0, 280.0, 190.0]), np.eye(3), 1.0, 50.0),
-    "jackson_tracy_manchester_keepout": Craft(
-        np.diag([1.0, 2.0, 3.0]),
-        np.array(
-            [
-                [_COSINE, _SINE, 0.0],
-                [0.0, -_SINE, _COSINE],
-                [-_COSINE, _SINE, 0.0],
-                [0.0, -_SINE, -_COSINE],
-            ]
-        ),
-        0.5 / 60.0,
-        1.0,
+_WHEELS = {
+    "jackson_tracy_manchester_keepout": np.array(
+        [
+            [_COSINE, _SINE, 0.0],
+            [0.0, -_SINE, _COSINE],
+            [-_COSINE, _SINE, 0.0],
+            [0.0, -_SINE, -_COSINE],
+        ]
     ),
 }
 
 
 def craft_of(problem: Problem) -> Craft:
-    """What flies a published manoeuvre, by its name or by the limits that it states."""
-    if problem.limits is None:
-        return _CRAFTS[problem.name]
-    torque, momentum = np.ravel(problem.limits.torque), np.ravel(problem.limits.momentum)
-    return Craft(problem.limits.inertia_matrix, np.eye(3), float(torque[0]), float(momentum[0]))
+    """What flies a published manoeuvre, by the limits that it states."""
+    limits = problem.limits
+    torque, momentum = (float(np.ravel(value)[0]) for value in (limits.torque, limits.momentum))
+    wheels = _WHEELS.get(problem.name, np.eye(3))
+    return Craft(limits.inertia_matrix, wheels, torque, momentum)
 
 
 def published() -> tuple[list[Table], list[str]]:
