@@ -8,7 +8,9 @@ acceleration and torque with 1/T^2, and one solve tells the least T.
 Otherwise the path changes with T. The durations are then searched from well below the estimate
 upwards, in steps of at most 15 %, each solved anew from the last one's trajectory, and the first
 step from broken limits to kept ones is halved until it is known to `TOLERANCE`. A window of
-durations narrower than a step can be missed.
+durations narrower than a step can be missed. The search ends without an answer past `_LONGEST`
+times where it began, or where nothing at all is found any more: with strengths of their own,
+obstacles push as hard however long a slew takes.
 """
 
 from __future__ import annotations
@@ -37,7 +39,8 @@ _POWERS = {"rate": 1.0, "acceleration": 2.0, "torque": 2.0, "momentum": 1.0}
 _MARGIN = 3e-4  # relative; the bounds of limits are tight to 1e-4 of their values
 _LARGEST_STEP, _LEAST_STEP = 1.15, 1.02
 _MOST_SOLVES = 150
-_MOST_FAILURES = 12  # solves without any trajectory before the search is given up
+_MOST_FAILURES = 12  # solves in a row without any trajectory before the search is given up
+_LONGEST = 1000.0  # times the duration the search begins with
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,8 +266,10 @@ def _hopeless(free: Problem, trials: list[_Trial]) -> bool:
     moving = any(np.any(obstacle.rate) for obstacle in free.obstacles)
     if status is Status.START_IN_ZONE or (status is Status.GOAL_IN_ZONE and not moving):
         return True
-    failures = len(trials) >= _MOST_FAILURES and all(t.trajectory is None for t in trials)
-    return failures or len(trials) >= _MOST_SOLVES
+    last = trials[-_MOST_FAILURES:]
+    failures = len(last) == _MOST_FAILURES and all(trial.trajectory is None for trial in last)
+    too_long = trials[-1].duration > _LONGEST * trials[0].duration
+    return failures or too_long or len(trials) >= _MOST_SOLVES
 
 
 def _no_duration(trials: list[_Trial]) -> Solution:

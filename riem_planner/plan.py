@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal, overload
 
@@ -129,21 +130,21 @@ def solve(
 
     try:
         if problem.has_auto_duration:
-            return solve_auto(problem, fixed)
-        solution = fixed(problem, None)
-        if solution.status is Status.LIMITS_EXCEEDED:
-            return advised(problem, solution, fixed)
-        return solution
+            solution = solve_auto(problem, fixed)
+        else:
+            solution = fixed(problem, None)
+            if solution.status is Status.LIMITS_EXCEEDED:
+                solution = advised(problem, solution, fixed)
     except InterruptedSolveError as interruption:
         status = interruption.status
         what = "the deadline passed" if status is Status.OUT_OF_TIME else "cancelled"
-        return Solution(
+        solution = Solution(
             status,
             f"{what} after {watch.elapsed:.3g} s and {watch.iterations} iterations;"
             f" {status.advice}",
-            iterations=watch.iterations,
-            solve_time=watch.elapsed,
         )
+    # Of the whole request, however many solves it took and however it ended.
+    return replace(solution, iterations=watch.iterations, solve_time=watch.elapsed)
 
 
 def plan(problem: Problem, **options: Any) -> Trajectory:
@@ -263,8 +264,6 @@ def _best(
             status,
             f"no certified trajectory: {why}; {status.advice}",
             certificate=refused,
-            iterations=watch.iterations,
-            solve_time=watch.elapsed,
         )
     scale = problem.duration**-3
     best, trajectory, certificate = certified[0]
@@ -292,8 +291,6 @@ def _best(
         local_minimum=_is_minimum(setup, best),
         converged=converged,
         alternatives=alternatives,
-        iterations=watch.iterations,
-        solve_time=watch.elapsed,
         notes=tuple(notes),
     )
 
