@@ -41,6 +41,7 @@ _LARGEST_STEP, _LEAST_STEP = 1.15, 1.02
 _MOST_SOLVES = 150
 _MOST_FAILURES = 12  # solves in a row without any trajectory before the search is given up
 _LONGEST = 1000.0  # times the duration the search begins with
+_LEAST_ESTIMATE, _GREATEST_ESTIMATE = 1e-6, 1e8  # s; what is searched stays a valid duration
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,13 +114,27 @@ def least_duration(problem: Problem, solve: Solve) -> LeastDuration:
     free = replace(problem, limits=None, duration=1.0)
     estimate = _estimate(free, limits)
     if estimate == 0.0:
-        message = (
-            "start and goal are the same state at rest: any duration keeps the limits; state one"
+        if not (free.obstacles and _scales(free)):
+            return _stays(free)
+        estimate = 1.0  # s; obstacles push the path out and back, as far whatever the duration
+    if not _LEAST_ESTIMATE <= estimate <= _GREATEST_ESTIMATE:
+        return _impossible(
+            f"these limits mean a slew of about {estimate:.4g} s; check their units (rad/s,"
+            " rad/s^2, N m, N m s, and kg m^2 of the inertia)"
         )
-        return LeastDuration(math.inf, failure=Solution(Status.LIMITS_EXCEEDED, message))
     if _scales(free):
         return _scaled(free, limits, solve, estimate)
     return _searched(free, limits, solve, estimate)
+
+
+def _impossible(message: str) -> LeastDuration:
+    return LeastDuration(math.inf, failure=Solution(Status.LIMITS_EXCEEDED, message))
+
+
+def _stays(problem: Problem) -> LeastDuration:
+    """The answer where nothing has to move."""
+    rule = "the shorter the better" if problem.obstacles else "any duration keeps the limits"
+    return _impossible(f"start and goal are the same state at rest: {rule}; give one, in seconds")
 
 
 def _sentence(found: LeastDuration) -> str:
@@ -174,6 +189,8 @@ def _estimate(problem: Problem, limits: Limits) -> float:
     ]
     # A change of rate alone takes time as well.
     needed += [part for key, part in limits.used(still, v_1 - v_0).items() if _POWERS[key] == 2.0]
+    if max(needed) == 0.0 and np.any(v_0):
+        return 2.0 * math.pi / float(np.linalg.norm(v_0))  # all the way round
     return float(max(needed))
 
 
@@ -203,6 +220,8 @@ def _scaled(free: Problem, limits: Limits, solve: Solve, estimate: float) -> Lea
     if solution.trajectory is None:
         return LeastDuration(math.inf, failure=solution)
     factor, binding, trajectory = _quickest(solution, limits)
+    if estimate * factor < _LEAST_ESTIMATE:
+        return _stays(free)
     return LeastDuration(estimate * factor * (1.0 + _MARGIN), binding, trajectory)
 
 

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from riem_planner.errors import InvalidProblemError
 from riem_planner.geometry import so3
-from riem_planner.limits import Limits
+from riem_planner.limits import checked_inertia
 from riem_planner.validation import (
     finite_array,
     frozen,
@@ -33,11 +33,6 @@ from riem_planner.validation import (
 )
 
 Array = NDArray[np.float64]
-
-
-def _valid_inertia(value: Any) -> Array:
-    """J (3, 3) that some body can have; the rules are those of `Limits`."""
-    return Limits(rate=1.0, inertia=value).inertia_matrix
 
 
 def _three_limits(key: str, value: Any) -> Array:
@@ -99,7 +94,7 @@ class Spacecraft:
 
     def __post_init__(self) -> None:
         """Validate and freeze."""
-        object.__setattr__(self, "inertia", _valid_inertia(self.inertia))
+        object.__setattr__(self, "inertia", checked_inertia(self.inertia))
         inverse = np.asarray(np.linalg.inv(self.inertia), dtype=np.float64)
         object.__setattr__(self, "_inverse", frozen(inverse))
         for key in ("torque_limit", "momentum_limit"):
@@ -258,7 +253,7 @@ class Controller:
 
     def __post_init__(self) -> None:
         """Validate and freeze."""
-        object.__setattr__(self, "inertia", _valid_inertia(self.inertia))
+        object.__setattr__(self, "inertia", checked_inertia(self.inertia))
         positive_number("natural_frequency", self.natural_frequency)
         positive_number("damping_ratio", self.damping_ratio)
 

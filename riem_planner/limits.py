@@ -59,12 +59,13 @@ class Limits:
         for key in stated:
             object.__setattr__(self, key, _bound(f"limits.{key}", getattr(self, key)))
         if self.inertia is not None:
-            object.__setattr__(self, "inertia", _inertia(self.inertia))
+            object.__setattr__(self, "inertia", checked_inertia(self.inertia))
             return
         for key in ("torque", "momentum"):
             if getattr(self, key) is not None:
                 raise InvalidProblemError(
-                    "inertia", f"missing; limits.{key} needs it: a 3x3 matrix in kg m^2"
+                    "inertia",
+                    f"missing; limits.{key} needs it: a 3x3 matrix, row by row, in kg m^2",
                 )
 
     @cached_property
@@ -114,7 +115,7 @@ class Limits:
 
 
 def _bound(key: str, value: Any) -> float | Array:
-    if np.ndim(value) == 0:
+    if isinstance(value, str) or not hasattr(value, "__len__"):
         return positive_number(key, value)
     array = finite_array(key, value, (3,))
     if np.any(array <= 0.0):
@@ -122,20 +123,34 @@ def _bound(key: str, value: Any) -> float | Array:
     return array
 
 
-def _inertia(value: Any) -> Array:
+def checked_inertia(value: Any) -> Array:
+    """Inertia matrix (3, 3) [kg m^2] that some rigid body can have, read-only.
+
+    Raises
+    ------
+    InvalidProblemError
+        It is not symmetric, or no body has its principal moments.
+    """
     matrix = finite_array("inertia", value, (3, 3))
-    scale = float(np.max(np.abs(matrix)))
-    if float(np.max(np.abs(matrix - matrix.T))) > _SYMMETRY * scale:
-        raise InvalidProblemError("inertia", f"expected a symmetric matrix, got {matrix.tolist()}")
+    skew = np.abs(matrix - matrix.T)
+    if float(np.max(skew)) > _SYMMETRY * float(np.max(np.abs(matrix))):
+        i, j = (int(k) for k in np.unravel_index(np.argmax(skew), (3, 3)))
+        raise InvalidProblemError(
+            "inertia",
+            f"expected a symmetric matrix, got {matrix[i, j]:g} in row {i + 1}, column {j + 1} and"
+            f" {matrix[j, i]:g} in row {j + 1}, column {i + 1}; make them equal",
+        )
     moments = np.linalg.eigvalsh(matrix)
+    shown = ", ".join(f"{moment:.6g}" for moment in moments)
     if moments[0] <= 0.0:
         raise InvalidProblemError(
-            "inertia", f"expected positive principal moments, got {moments.tolist()}"
+            "inertia",
+            f"expected positive principal moments, got {shown}; check the signs of its entries",
         )
     if moments[0] + moments[1] < moments[2] * (1.0 - 1e-6):
         raise InvalidProblemError(
             "inertia",
             "no body has these principal moments: the largest exceeds the sum of the others,"
-            f" {moments.tolist()}",
+            f" {shown}; check the entries of its diagonal",
         )
     return frozen(0.5 * (matrix + matrix.T))

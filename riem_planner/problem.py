@@ -34,6 +34,9 @@ Array = NDArray[np.float64]
 AUTO = "auto"
 """The duration that asks for the least within the limits."""
 
+DURATIONS = (1e-9, 1e12)
+"""Least and greatest duration [s]; beyond, its powers leave the range of numbers."""
+
 _HORIZONTAL_TOLERANCE = 1e-6  # rad/s of roll that still counts as rounding on S^2
 
 
@@ -204,7 +207,13 @@ class Problem:
         if given == math.inf and self.limits is not None:
             return math.inf
         if given != AUTO:
-            return positive_number("duration", given)
+            number = positive_number("duration", given)
+            least, most = DURATIONS
+            if not least <= number <= most:
+                raise InvalidProblemError(
+                    "duration", f"expected from {least:g} to {most:g} s, got {number:g}"
+                )
+            return number
         if self.limits is None:
             raise InvalidProblemError(
                 "limits", "missing; an automatic duration is the least within limits: give them"

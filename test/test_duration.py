@@ -221,3 +221,28 @@ def test_a_search_ends_where_no_duration_will_do():
     found = least_duration(problem, sealed_later)
     assert found.failure.status is Status.LIMITS_EXCEEDED
     assert len(durations) == 3 + 12
+
+
+def test_back_to_the_start_at_the_same_rate_has_a_least_duration():
+    turning = State(np.eye(3), [0.0, 0.0, 0.02])
+    least_is_sharp(Problem(turning, turning, "auto", limits=Limits(acceleration=0.01)))
+
+
+def test_pushed_out_and_back_the_excursion_tells_the_least_duration():
+    zone = Zone([1.0, 0.3, 0.0], 0.1, [1.0, 0.0, 0.0], normalized_strength=0.01)
+    problem = Problem(REST, REST, "auto", obstacles=(zone,), limits=Limits(rate=0.001))
+    assert least_is_sharp(problem) > 5.0
+    fixed = replace(zone, normalized_strength=None, strength=1e-2)
+    assert "the shorter the better" in solve(replace(problem, obstacles=(fixed,))).message
+    # In the middle of a zone to keep in nothing pushes.
+    middle = Zone(
+        [1.0, 0.0, 0.0], 0.3, [1.0, 0.0, 0.0], kind="keep_in", normalized_strength=0.01
+    )
+    assert "the same state at rest" in solve(replace(problem, obstacles=(middle,))).message
+
+
+@pytest.mark.parametrize("rate", [1e-300, 1e300])
+def test_limits_beyond_any_slew_are_a_value_that_names_the_units(rate):
+    solution = solve(Problem(REST, about_z(1.0), "auto", limits=Limits(rate=rate)))
+    assert solution.status is Status.LIMITS_EXCEEDED
+    assert "check their units" in solution.message

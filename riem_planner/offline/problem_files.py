@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from riem_planner.errors import InvalidProblemError
-from riem_planner.limits import QUANTITIES, UNITS, Limits
+from riem_planner.limits import QUANTITIES, UNITS, Limits, checked_inertia
 from riem_planner.obstacles import Obstacle, OrientationObstacle, Zone
 from riem_planner.offline.documents import decoded, parse_json, parse_yaml
 from riem_planner.offline.section import Section, joined, number_at, shown, within
@@ -88,7 +88,9 @@ def _duration(top: Section, limits: Limits | None) -> float:
     if value == AUTO:
         if limits is None:
             raise InvalidProblemError(
-                "limits", f"missing; duration: {AUTO} is the least within limits, so give them"
+                "limits",
+                f"missing; duration: {AUTO} is the least within limits, so give them, such as"
+                " {rate: 0.02} in rad/s",
             )
         return math.inf
     number: float = top.number("duration", expected=expected)
@@ -101,7 +103,10 @@ def _limits(top: Section) -> Limits | None:
     inertia = _inertia(top) if "inertia" in top else None
     if "limits" not in top:
         return None
-    section = Section("limits", top.value("limits"), QUANTITIES)
+    values = top.value("limits")
+    if isinstance(values, dict) and "inertia" in values:
+        raise InvalidProblemError("limits.inertia", "move it out: inertia stands beside limits")
+    section = Section("limits", values, QUANTITIES)
     bounds = {
         name: _bound(section, name, unit)
         for name, unit in zip(QUANTITIES, UNITS, strict=True)
@@ -112,24 +117,38 @@ def _limits(top: Section) -> Limits | None:
 
 def _bound(section: Section, name: str, unit: str) -> float | list[float]:
     key, value = section.key(name), section.value(name)
-    expected = f"{_LIMIT} [{unit}]"
-    entries = value if isinstance(value, list) else [value]
-    numbers = [number_at(key, entry, expected) for entry in entries]
-    if len(numbers) not in (1, 3) or min(numbers) <= 0.0:
+    if isinstance(value, list) and len(value) == 1:
+        value = value[0]
+    if not isinstance(value, list):
+        return _positive(key, value, f"{_LIMIT} [{unit}]")
+    if len(value) != 3:
+        raise InvalidProblemError(key, f"expected {_LIMIT} [{unit}], got {shown(value)}")
+    return [
+        _positive(f"{key}[{i}]", entry, f"a number above 0 [{unit}]")
+        for i, entry in enumerate(value)
+    ]
+
+
+def _positive(key: str, value: Any, expected: str) -> float:
+    number = number_at(key, value, expected)
+    if number <= 0.0:
         raise InvalidProblemError(key, f"expected {expected}, got {shown(value)}")
-    return numbers if len(numbers) == 3 else numbers[0]
+    return number
 
 
-def _inertia(top: Section) -> list[list[float]]:
+def _inertia(top: Section) -> Any:
     value = top.value("inertia")
     rows = value if isinstance(value, list) else []
-    flat = [entry for row in rows for entry in (row if isinstance(row, list) else [row])]
-    if len(flat) != 9:
+    if len(rows) == 3 and all(isinstance(row, list) and len(row) == 3 for row in rows):
+        rows = [entry for row in rows for entry in row]
+    if len(rows) != 9:
         raise InvalidProblemError(
-            "inertia", f"expected nine numbers in kg m^2, row by row, got {shown(value)}"
+            "inertia",
+            "expected nine numbers in kg m^2, row by row ([2, 0, 0, 0, 2, 0, 0, 0, 3] for principal"
+            f" moments of 2, 2, 3), got {shown(value)}",
         )
-    numbers = [number_at("inertia", entry, "nine numbers") for entry in flat]
-    return [numbers[:3], numbers[3:6], numbers[6:]]
+    numbers = [number_at(f"inertia[{i}]", entry, "a number") for i, entry in enumerate(rows)]
+    return checked_inertia(np.reshape(numbers, (3, 3)))
 
 
 def _direction(section: Section, name: str, default: Any = None) -> Any:

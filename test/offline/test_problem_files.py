@@ -265,7 +265,31 @@ WRONG = {
         ["inertia"], [1, 0, 0, 0, 1, 0, 0, 0, 3], "inertia", ["principal moments"],
     ),
     "asymmetric inertia": (["inertia"], [1, 0.1, 0, 0, 1, 0, 0, 0, 1], "inertia", ["symmetric"]),
-    "eight numbers of inertia": (["inertia"], [1] * 8, "inertia", ["nine"]),
+    "eight numbers of inertia": (["inertia"], [1] * 8, "inertia", ["nine", "kg m^2"]),
+    "ragged inertia": (
+        ["inertia"], [[1, 0, 0, 0], [1, 0, 0], [0, 1]], "inertia", ["nine", "[[1, 0, 0, 0]"],
+    ),
+    "NaN in the inertia": (
+        ["inertia"], [1, 0, 0, 0, math.nan, 0, 0, 0, 1], "inertia[4]", ["finite", "nan"],
+    ),
+    "negative moment": (
+        ["inertia"], [1, 0, 0, 0, -1, 0, 0, 0, 1], "inertia", ["positive", "-1, 1, 1", "signs"],
+    ),
+    "skew inertia": (
+        ["inertia"], [1, 0, 0.2, 0, 1, 0, 0.1, 0, 1], "inertia",
+        ["0.2 in row 1, column 3", "0.1 in row 3, column 1", "make them equal"],
+    ),
+    "inertia among the limits": (
+        ["limits", "inertia"], [1, 0, 0, 0, 1, 0, 0, 0, 1], "limits.inertia", ["beside limits"],
+    ),
+    "negative on one axis": (
+        ["limits", "torque"], [0.1, -0.2, 0.3], "limits.torque[1]", ["above 0 [N m]", "-0.2"],
+    ),
+    "NaN on one axis": (["limits", "torque"], [0.1, 0.2, math.nan], "limits.torque[2]", ["nan"]),
+    "infinite limit": (["limits", "rate"], math.inf, "limits.rate", ["rad/s", "inf"]),
+    "limits no mapping": (["limits"], 0.1, "limits", ["mapping", "rate", "0.1"]),
+    "limits of nothing": (["limits"], {}, "limits", ["at least one of rate", "none"]),
+    "duration beyond numbers": (["duration"], 1e200, "duration", ["1e+12 s", "1e+200"]),
 }  # fmt: skip
 
 
@@ -317,7 +341,14 @@ def test_wrong_value_on_s2_is_named(case):
 
 def test_auto_duration_without_limits_is_refused():
     document = changed(changed(SO3_DOCUMENT, ["limits"], ...), ["duration"], "auto")
-    with pytest.raises(InvalidProblemError, match="limits: missing"):
+    with pytest.raises(InvalidProblemError, match=r"limits: missing.*\{rate: 0.02\} in rad/s"):
+        parse_problem(document)
+
+
+def test_a_wrong_inertia_is_refused_where_no_limit_needs_it_too():
+    document = changed(SO3_DOCUMENT, ["limits"], ...)
+    document = changed(document, ["inertia"], [1, 0, 0, 0, -1, 0, 0, 0, 1])
+    with pytest.raises(InvalidProblemError, match="inertia: expected positive"):
         parse_problem(document)
 
 
