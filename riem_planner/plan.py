@@ -125,8 +125,8 @@ def solve(
     _load_kernels()
     watch = Watch(deadline, should_stop)
 
-    def fixed(problem: Problem, near: Trajectory | None) -> Solution:
-        return _solve(problem, watch, tolerance, near or warm_start, search == "local")
+    def fixed(problem: Problem, near: Trajectory | None, *, local: bool = False) -> Solution:
+        return _solve(problem, watch, tolerance, near or warm_start, local or search == "local")
 
     try:
         if problem.has_auto_duration:

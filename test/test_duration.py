@@ -15,10 +15,9 @@ from riem_planner import (
     State,
     Status,
     Zone,
-    duration,
     solve,
 )
-from riem_planner.duration import least_duration
+from riem_planner.duration import least_duration, search
 from riem_planner.geometry import so3
 
 PRINCIPAL = np.diag([2.0, 3.0, 4.0])
@@ -185,7 +184,7 @@ def test_least_duration_without_limits_is_a_mistake():
 
 
 def test_a_failure_tells_the_time_and_the_iterations_of_all_its_solves(monkeypatch):
-    monkeypatch.setattr(duration, "_LONGEST", 2.0)
+    monkeypatch.setattr(search, "_LONGEST", 2.0)
     # A repulsion of fixed strength asks for an acceleration that no duration lowers.
     zone = Zone([1.0, 0.3, 0.0], 0.1, [1.0, 0.0, 0.0], strength=1e-2)
     limits = Limits(acceleration=1e-4)

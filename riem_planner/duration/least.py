@@ -1,0 +1,185 @@
+"""Whether a slew has a least duration, and what it is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from riem_planner.duration.search import (
+    MARGIN,
+    POWERS,
+    TOLERANCE,
+    LeastDuration,
+    Solve,
+    quickest,
+    searched,
+)
+from riem_planner.geometry import so3
+from riem_planner.limits import Limits
+from riem_planner.problem import S2, Problem
+from riem_planner.solution import Solution, Status
+from riem_planner.solver.watch import InterruptedSolveError
+
+_LEAST_ESTIMATE, _GREATEST_ESTIMATE = 1e-6, 1e8  # s; what is searched stays a valid duration
+_ROLLS = 360
+
+
+def solve_auto(problem: Problem, solve: Solve) -> Solution:
+    """Solve a problem of automatic duration: find the least, then solve for it.
+
+    The message says the duration and the limit that binds.
+    """
+    found = least_duration(problem, solve)
+    if found.failure is not None:
+        return found.failure
+    for T in (found.duration, found.duration * (1.0 + TOLERANCE)):
+        # The solution of another start differs in the last digits.
+        found = replace(found, duration=T)
+        solution = _solved_near(replace(problem, duration=T), found, solve)
+        if solution.solved:
+            break
+    said = _sentence(found)
+    return replace(solution, message=f"{solution.message}; {said}", notes=(*solution.notes, said))
+
+
+def advised(problem: Problem, refused: Solution, solve: Solve) -> Solution:
+    """A solution that was refused for its limits, with the least duration that would not be.
+
+    Where the duration is no less than that after all, the solution found in its search.
+    """
+    try:
+        found = least_duration(problem, solve)
+        if found.duration <= problem.duration:
+            solution = _solved_near(problem, found, solve)
+            if solution.solved:
+                return solution
+    except InterruptedSolveError as interruption:
+        if interruption.status is Status.CANCELLED:
+            raise
+        return refused
+    said = _sentence(found) if found.failure is None else found.failure.message
+    return replace(refused, message=f"{refused.message}; {said}", notes=(*refused.notes, said))
+
+
+def _solved_near(problem: Problem, found: LeastDuration, solve: Solve) -> Solution:
+    """The cheapest slew within the limits, or that of the class that was found if none is seen."""
+    solution = solve(problem, found.trajectory)
+    return solution if solution.solved else solve(problem, found.trajectory, local=True)
+
+
+def least_duration(problem: Problem, solve: Solve) -> LeastDuration:
+    """Shortest duration for which some certified slew keeps a problem's limits.
+
+    Parameters
+    ----------
+    problem
+        With limits; its duration does not count.
+    solve
+        Solves a problem of fixed duration and no limits.
+    """
+    limits = problem.limits
+    if limits is None:
+        raise ValueError("the least duration needs limits; the problem has none")
+    failure = _broken_at_ends(problem, limits)
+    if failure is not None:
+        return LeastDuration(math.inf, failure=failure)
+    free = replace(problem, limits=None, duration=1.0)
+    estimate = _estimate(free, limits)
+    if estimate == 0.0:
+        if not (free.obstacles and _scales(free)):
+            return _stays(free)
+        estimate = 1.0  # s; obstacles push the path out and back, as far whatever the duration
+    if not _LEAST_ESTIMATE <= estimate <= _GREATEST_ESTIMATE:
+        return _impossible(
+            f"these limits mean a slew of about {estimate:.4g} s; check their units (rad/s,"
+            " rad/s^2, N m, N m s, and kg m^2 of the inertia)"
+        )
+    if _scales(free):
+        return _scaled(free, limits, solve, estimate)
+    return searched(free, limits, solve, estimate)
+
+
+def _impossible(message: str) -> LeastDuration:
+    return LeastDuration(math.inf, failure=Solution(Status.LIMITS_EXCEEDED, message))
+
+
+def _stays(problem: Problem) -> LeastDuration:
+    """The answer where nothing has to move."""
+    rule = "the shorter the better" if problem.obstacles else "any duration keeps the limits"
+    return _impossible(f"start and goal are the same state at rest: {rule}; give one, in seconds")
+
+
+def _sentence(found: LeastDuration) -> str:
+    return (
+        f"the least duration within the limits is {found.duration:.6g} s, bound by limits."
+        f"{found.binding}"
+    )
+
+
+def _broken_at_ends(problem: Problem, limits: Limits) -> Solution | None:
+    """Refusal if the rate asked for at an end is more than the limits allow."""
+    starts, goals = problem.start.angular_velocity[None], problem.goal.angular_velocity[None]
+    if problem.space == S2:
+        # The roll at the arrival is free, and with it the axes that the rate is about.
+        rolls = np.linspace(0.0, 2.0 * math.pi, _ROLLS, endpoint=False)
+        goals = goals[0] @ so3.exp(rolls[:, None] * np.asarray(problem.boresight))
+    for key, rates in (("start", starts), ("goal", goals)):
+        used = [limits.used(rate, np.zeros(3)) for rate in rates]
+        for name in ("rate", "momentum"):
+            least = min(each.get(name, 0.0) for each in used)
+            if least > 1.0:
+                return Solution(
+                    Status.LIMITS_EXCEEDED,
+                    f"{key}.angular_velocity: {least:.4g} times limits.{name}; no duration"
+                    f" helps, lower the rate at the {key} or raise the limit",
+                )
+    return None
+
+
+def _scales(problem: Problem) -> bool:
+    """Whether the path is the same for every duration."""
+    return (
+        not np.any(problem.start.angular_velocity)
+        and not np.any(problem.goal.angular_velocity)
+        and not problem.tension
+        and all(
+            obstacle.normalized_strength is not None and not np.any(obstacle.rate)
+            for obstacle in problem.obstacles
+        )
+    )
+
+
+def _estimate(problem: Problem, limits: Limits) -> float:
+    """Duration that the straight cubic would need [s]; 0 where nothing has to move."""
+    R_0, R_1 = problem.start.orientation, problem.goal.orientation
+    v_0, v_1 = problem.start.angular_velocity, problem.goal.angular_velocity
+    if problem.space == S2:
+        x, y = R_0 @ problem.boresight, R_1 @ problem.boresight
+        turn = R_0.T @ so3.quaternion_log(so3.minimal_rotation(x, y))
+    else:
+        turn = so3.log(R_0.T @ R_1)
+    still = np.zeros(3)
+    needed = [
+        part ** (1.0 / POWERS[key])
+        for v, a in ((1.5 * turn, still), (still, 6.0 * turn))
+        for key, part in limits.used(v, a).items()
+        if (POWERS[key] == 2.0) == bool(np.any(a))
+    ]
+    # A change of rate alone takes time as well.
+    needed += [part for key, part in limits.used(still, v_1 - v_0).items() if POWERS[key] == 2.0]
+    if max(needed) == 0.0 and np.any(v_0):
+        return 2.0 * math.pi / float(np.linalg.norm(v_0))  # all the way round
+    return float(max(needed))
+
+
+def _scaled(free: Problem, limits: Limits, solve: Solve, estimate: float) -> LeastDuration:
+    """The least duration where the path does not depend on it."""
+    solution = solve(replace(free, duration=estimate), None)
+    if solution.trajectory is None:
+        return LeastDuration(math.inf, failure=solution)
+    factor, binding, trajectory = quickest(solution, limits)
+    if estimate * factor < _LEAST_ESTIMATE:
+        return _stays(free)
+    return LeastDuration(estimate * factor * (1.0 + MARGIN), binding, trajectory)

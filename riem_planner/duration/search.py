@@ -1,0 +1,223 @@
+"""The least duration where the path changes with it: searched upwards, then halved."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Protocol
+
+import numpy as np
+
+from riem_planner.certificate import certify_limits
+from riem_planner.geometry import so3
+from riem_planner.limits import Limits
+from riem_planner.problem import Problem
+from riem_planner.solution import Solution, Status
+from riem_planner.trajectory import Trajectory
+
+TOLERANCE = 0.004
+"""Relative error of the least duration where it has to be searched for."""
+
+POWERS = {"rate": 1.0, "acceleration": 2.0, "torque": 2.0, "momentum": 1.0}
+"""Of 1/T, with which a quantity goes along the same path."""
+
+MARGIN = 3e-4
+"""Relative; the bounds of limits are tight to 1e-4 of their values."""
+
+_LARGEST_STEP, _LEAST_STEP = 1.15, 1.02
+_MOST_SOLVES = 150
+_MOST_FAILURES = 12  # solves in a row without any trajectory before the search is given up
+_LONGEST = 1000.0  # times the duration the search begins with
+
+
+class Solve(Protocol):
+    """Solves a problem of fixed duration, from a warm start.
+
+    With `local` only the class of paths of the warm start counts, however costly it is.
+    """
+
+    def __call__(
+        self, problem: Problem, near: Trajectory | None, *, local: bool = False
+    ) -> Solution:
+        """Outcome of the solve."""
+
+
+@dataclass(frozen=True, eq=False)
+class LeastDuration:
+    """The least duration within limits, or why there is none.
+
+    Parameters
+    ----------
+    duration
+        The least duration [s]; infinite if none was found.
+    binding
+        The limit that binds there.
+    trajectory
+        The slew that needs no longer.
+    failure
+        What stands against any duration.
+    """
+
+    duration: float
+    binding: str = ""
+    trajectory: Trajectory | None = None
+    failure: Solution | None = None
+
+
+def _candidates(solution: Solution) -> list[Trajectory]:
+    if solution.trajectory is None:
+        return []
+    return [solution.trajectory, *(other.trajectory for other in solution.alternatives)]
+
+
+def _stretch(trajectory: Trajectory, limits: Limits) -> tuple[float, str]:
+    """How many times slower a trajectory would keep the limits, and which limit says so."""
+    parts = certify_limits(trajectory, limits).parts
+    factors = {key: part ** (1.0 / POWERS[key]) for key, part in parts.items()}
+    binding = max(factors, key=lambda key: factors[key])
+    return factors[binding], binding
+
+
+def quickest(solution: Solution, limits: Limits) -> tuple[float, str, Trajectory]:
+    """The trajectory that has to be stretched least, with its factor and binding limit."""
+    stretched = [(*_stretch(each, limits), each) for each in _candidates(solution)]
+    return min(stretched, key=lambda item: item[0])
+
+
+@dataclass
+class _Trial:
+    """A duration that was tried, and how much slower its quickest slew would have to be."""
+
+    duration: float
+    solution: Solution
+    stretch: float = math.inf
+    binding: str = ""
+    trajectory: Trajectory | None = None
+
+    @property
+    def kept(self) -> bool:
+        """Whether the limits are kept."""
+        return self.stretch <= 1.0
+
+
+@dataclass
+class _Trials:
+    """The durations tried for a problem that has neither limits nor a duration of its own."""
+
+    free: Problem
+    limits: Limits
+    solve: Solve
+    made: list[_Trial] = field(default_factory=list)
+
+    def at(self, T: float) -> _Trial:
+        """One more, of every class of paths."""
+        made = (trial.trajectory for trial in reversed(self.made))
+        near = next((trajectory for trajectory in made if trajectory is not None), None)
+        return self._add(T, self.solve(replace(self.free, duration=T), near))
+
+    def along(self, kept: _Trial, T: float) -> _Trial:
+        """One more, of another trial's class alone."""
+        timed = replace(self.free, duration=T)
+        return self._add(T, self.solve(timed, kept.trajectory, local=True))
+
+    def _add(self, T: float, solution: Solution) -> _Trial:
+        quick = () if solution.trajectory is None else quickest(solution, self.limits)
+        self.made.append(_Trial(T, solution, *quick))
+        return self.made[-1]
+
+
+def searched(free: Problem, limits: Limits, solve: Solve, estimate: float) -> LeastDuration:
+    """The least duration where the path changes with it.
+
+    Parameters
+    ----------
+    free
+        The problem without limits; its duration does not count.
+    limits
+        What has to be kept.
+    solve
+        Solves a problem of fixed duration and no limits.
+    estimate
+        Duration that the straight slew would need [s].
+    """
+    trials = _Trials(free, limits, solve)
+    broken = trials.at(_start_of_search(free, estimate))
+    while broken.kept and len(trials.made) < _MOST_SOLVES:
+        broken = trials.at(0.5 * broken.duration)
+    kept = None
+    while kept is None:
+        if _hopeless(free, trials.made):
+            return LeastDuration(math.inf, failure=_no_duration(trials.made))
+        step = min(_LARGEST_STEP, max(_LEAST_STEP, math.sqrt(broken.stretch)))
+        trial = trials.at(step * broken.duration)
+        if trial.kept:
+            kept = trial
+        else:
+            broken = trial
+    kept = _followed(trials, _halved(trials.at, broken, kept))
+    return LeastDuration(kept.duration * (1.0 + MARGIN), kept.binding, kept.trajectory)
+
+
+def _halved(tried: Callable[[float], _Trial], broken: _Trial, kept: _Trial) -> _Trial:
+    """The shortest of the kept trials from a broken one on, to `TOLERANCE`."""
+    while kept.duration > broken.duration * (1.0 + TOLERANCE):
+        trial = tried(math.sqrt(broken.duration * kept.duration))
+        if trial.kept:
+            kept = trial
+        else:
+            broken = trial
+    return kept
+
+
+def _followed(trials: _Trials, kept: _Trial) -> _Trial:
+    """The shortest kept trial of a trial's class of paths.
+
+    Only the cheapest classes are seen of each duration. One that is seen from some duration on
+    may keep the limits long before.
+    """
+    while kept.stretch < 1.0 - TOLERANCE and len(trials.made) < _MOST_SOLVES:
+        part = max((1.0 + 0.5 * TOLERANCE) * kept.stretch, 1.0 / _LARGEST_STEP)
+        shorter = trials.along(kept, part * kept.duration)
+        if not shorter.kept:
+            return _halved(partial(trials.along, kept), shorter, kept)
+        kept = shorter
+    return kept
+
+
+def _hopeless(free: Problem, trials: list[_Trial]) -> bool:
+    """Whether longer durations are not worth trying."""
+    status = trials[-1].solution.status
+    moving = any(np.any(obstacle.rate) for obstacle in free.obstacles)
+    if status is Status.START_IN_ZONE or (status is Status.GOAL_IN_ZONE and not moving):
+        return True
+    last = trials[-_MOST_FAILURES:]
+    failures = len(last) == _MOST_FAILURES and all(trial.trajectory is None for trial in last)
+    too_long = trials[-1].duration > _LONGEST * trials[0].duration
+    return failures or too_long or len(trials) >= _MOST_SOLVES
+
+
+def _no_duration(trials: list[_Trial]) -> Solution:
+    """What to say where every duration failed."""
+    last = trials[-1]
+    if all(trial.trajectory is None for trial in trials):
+        return last.solution
+    least = min(trials, key=lambda trial: trial.stretch)
+    return Solution(
+        Status.LIMITS_EXCEEDED,
+        f"no duration from {trials[0].duration:.4g} to {last.duration:.4g} s keeps the limits; at"
+        f" best, {least.stretch:.4g} times too fast for limits.{least.binding} in"
+        f" {least.duration:.4g} s",
+    )
+
+
+def _start_of_search(problem: Problem, estimate: float) -> float:
+    """A duration below the least one that is likely [s]."""
+    speed = max(
+        float(np.linalg.norm(state.angular_velocity)) for state in (problem.start, problem.goal)
+    )
+    if speed == 0.0:
+        return 0.5 * estimate
+    angle = float(so3.distance(problem.start.orientation, problem.goal.orientation))
+    return 0.5 * min(estimate, max(angle / speed, 1e-3 * estimate))
