@@ -192,6 +192,7 @@ def test_a_failure_tells_the_time_and_the_iterations_of_all_its_solves(monkeypat
     failed = solve(problem)
     assert failed.status is Status.LIMITS_EXCEEDED
     assert "no duration from" in failed.message
+    assert "or give normalized_strength" in failed.message
     once = solve(replace(problem, duration=122.5, limits=None))
     assert failed.iterations > 2 * once.iterations > 0
     assert failed.solve_time > once.solve_time > 0.0

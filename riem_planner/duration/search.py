@@ -149,7 +149,7 @@ def searched(free: Problem, limits: Limits, solve: Solve, estimate: float) -> Le
     kept = None
     while kept is None:
         if _hopeless(free, trials.made):
-            return LeastDuration(math.inf, failure=_no_duration(trials.made))
+            return LeastDuration(math.inf, failure=_no_duration(free, trials.made))
         step = min(_LARGEST_STEP, max(_LEAST_STEP, math.sqrt(broken.stretch)))
         trial = trials.at(step * broken.duration)
         if trial.kept:
@@ -198,17 +198,20 @@ def _hopeless(free: Problem, trials: list[_Trial]) -> bool:
     return failures or too_long or len(trials) >= _MOST_SOLVES
 
 
-def _no_duration(trials: list[_Trial]) -> Solution:
+def _no_duration(free: Problem, trials: list[_Trial]) -> Solution:
     """What to say where every duration failed."""
     last = trials[-1]
     if all(trial.trajectory is None for trial in trials):
         return last.solution
     least = min(trials, key=lambda trial: trial.stretch)
+    remedy = "raise that limit"
+    if any(obstacle.normalized_strength is None for obstacle in free.obstacles):
+        remedy += ", or give normalized_strength, with which a longer slew is a gentler one"
     return Solution(
         Status.LIMITS_EXCEEDED,
         f"no duration from {trials[0].duration:.4g} to {last.duration:.4g} s keeps the limits; at"
         f" best, {least.stretch:.4g} times too fast for limits.{least.binding} in"
-        f" {least.duration:.4g} s",
+        f" {least.duration:.4g} s; {remedy}",
     )
 
 
