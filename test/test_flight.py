@@ -44,12 +44,12 @@ def flown_nominally(name, duration):
     assert min(flight.clearance.values()) > 0.0, flight.clearance
 
 
-def flown_in_trouble(name, duration, part):
+def flown_in_trouble(name, duration, part, way=1.0):
     problem, trajectory, spacecraft = case(name, duration, BOUND)
     assert min(certify(trajectory, problem).clearance.values()) >= BOUND
     true = replace(spacecraft, inertia=part * spacecraft.inertia)
     conditions = Conditions(
-        initial_error=np.radians(2.0) * np.array([0.6, -0.64, 0.48]),
+        initial_error=way * np.radians(2.0) * np.array([0.6, -0.64, 0.48]),
         dropped=0.1,
         without_torque=(0.4 * trajectory.duration, 0.4 * trajectory.duration + 2.0),
         seed=1,
@@ -76,7 +76,8 @@ def test_planned_with_the_tracking_bound_no_zone_is_entered_whatever_goes_wrong(
 def test_at_the_published_durations(name):
     flown_nominally(name, None)
     for part in (0.8, 1.2):
-        flown_in_trouble(name, None, part)
+        for way in (1.0, -1.0):
+            flown_in_trouble(name, None, part, way)
 
 
 def test_extrapolating_setpoints_loses_little_beside_hearing_one_at_every_step():
