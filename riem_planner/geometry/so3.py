@@ -116,12 +116,17 @@ def quaternion_to_matrix(quaternion: ArrayLike) -> Array:
     """Rotation matrix (..., 3, 3) of a unit quaternion (..., 4)."""
     q = np.asarray(quaternion, dtype=float)
     x, y, z, w = q[..., 0], q[..., 1], q[..., 2], q[..., 3]
-    rows = [
-        [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    matrix = np.empty((*q.shape[:-1], 3, 3))
+    matrix[..., 0, 0] = w * w + x * x - y * y - z * z
+    matrix[..., 0, 1] = 2 * (x * y - w * z)
+    matrix[..., 0, 2] = 2 * (x * z + w * y)
+    matrix[..., 1, 0] = 2 * (x * y + w * z)
+    matrix[..., 1, 1] = w * w - x * x + y * y - z * z
+    matrix[..., 1, 2] = 2 * (y * z - w * x)
+    matrix[..., 2, 0] = 2 * (x * z - w * y)
+    matrix[..., 2, 1] = 2 * (y * z + w * x)
+    matrix[..., 2, 2] = w * w - x * x - y * y + z * z
+    return matrix
 
 
 def matrix_to_quaternion(matrix: ArrayLike) -> Array:

@@ -249,7 +249,7 @@ def first_guesses(setup: Setup) -> tuple[Array, list[Array], Array]:
     """
     ends, rates, costs, length = curves.ways_round(setup.pointing, setup.start, setup.goal)
     nodes = min(max(int(length / _NODE_ANGLE), _NODES_LEAST), _NODES_MOST)
-    times = np.linspace(0.0, 1.0, nodes + 1)
+    times = np.arange(nodes + 1) / nodes
     guesses = []
     for end, rate in zip(ends, rates, strict=True):
         q = np.empty((nodes + 1, 4))

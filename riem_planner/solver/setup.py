@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,9 @@ from riem_planner.problem import S2, Problem
 from riem_planner.solver.curves import lift
 
 Array = NDArray[np.float64]
+
+_UNTURNED = np.array([0.0, 0.0, 0.0, 1.0])
+_UNTURNED.flags.writeable = False
 
 
 class Setup(NamedTuple):
@@ -55,21 +59,29 @@ class Setup(NamedTuple):
         return q
 
 
+@lru_cache(maxsize=16)
+def _body_axes(x: float, y: float, z: float) -> tuple[Array, Array]:
+    """Quaternion to the user's body axes from ones with e3 along a boresight, and the way back."""
+    body = so3.minimal_rotation(np.array([0.0, 0.0, 1.0]), np.array([x, y, z]))
+    body.flags.writeable = False
+    return body, so3.quaternion_to_matrix(body).T
+
+
 def set_up(problem: Problem) -> Setup:
     """Normalise a problem."""
     T = problem.duration
     pointing = problem.space == S2
     table = packed(problem.table[0])
-    body = np.array([0.0, 0.0, 0.0, 1.0])
+    body, to_body = _UNTURNED, None
     ends = []
     if pointing:
-        body = so3.minimal_rotation(np.array([0.0, 0.0, 1.0]), problem.boresight)
+        body, to_body = _body_axes(*problem.boresight.tolist())
         table[:, BORESIGHT : BORESIGHT + 3] = (0.0, 0.0, 1.0)
     for state in (problem.start, problem.goal):
         q, v = state.quaternion_xyzw, state.angular_velocity * T
-        if pointing:
+        if to_body is not None:
             q = so3.quaternion_multiply(q, body)
-            v = so3.quaternion_to_matrix(body).T @ v
+            v = to_body @ v
             v[2] = 0.0
         ends.append(np.concatenate([q, v]))
     start, goal = ends

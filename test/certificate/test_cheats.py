@@ -178,7 +178,7 @@ def test_a_value_that_is_not_finite_is_refused_and_never_raises(key, value):
 def test_polynomials_that_overflow_are_refused():
     rest = np.zeros((2, 3))
     with np.errstate(over="ignore"):
-        trajectory = Trajectory([0.0, 1e-80], [[0, 0, 0, 1], [0, 0, 0.6, 0.8]], rest, rest)
+        trajectory = Trajectory([0.0, 1.0], [[0, 0, 0, 1], [0, 0, 0.6, 0.8]], rest, rest + 1e308)
     certificate = certify(trajectory, problem_of(trajectory))
     assert not certificate.certified
     assert "not finite" in certificate.reasons[0]

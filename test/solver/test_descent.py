@@ -198,7 +198,7 @@ def test_shift_adds_the_kinetic_stencil():
 
 
 def run(setup, q, soft, side=1.0, most=300, tolerance=1e-10, memory=None):
-    times = np.linspace(0.0, 1.0, q.shape[0])
+    times = np.arange(q.shape[0]) / (q.shape[0] - 1)
     memory = np.zeros(MEMORY) if memory is None else memory
     cost, iterations, converged = descend(
         setup.pointing, setup.table, setup.sigma, times, q, setup.start[4:], setup.goal[4:],
