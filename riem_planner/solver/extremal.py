@@ -103,7 +103,7 @@ def _on_mesh(
     size, previous = far, np.inf
     residual, sensitivity = np.inf, 1.0
     gain, local, difference = np.zeros(M), np.zeros((M, 12)), np.zeros(M)
-    polished = False
+    polished, missed = False, 0.0
     for _ in range(_MOST_NEWTON_STEPS):
         near = size < _NEAR
         if near:
@@ -117,7 +117,8 @@ def _on_mesh(
             crossing = crosses_cut(setup.table, mesh, states).any(axis=0)
             gain = np.where(crossing, 1.0 / _HALVING_AT_CUT, 1.0 / _HALVING)
         watch.count()
-        if not shooting.newton(*fixed, setup.goal, defects, near, gain, whole, step, left):
+        missed = shooting.newton(*fixed, setup.goal, defects, near, gain, whole, step, left)
+        if missed == np.inf:
             return None
         previous = size
         size = shooting.advance(states, step, 1.0)
@@ -131,6 +132,8 @@ def _on_mesh(
             sensitivity = max(1.0, size / max(residual, 1e-300))
     else:
         return None
+    if missed > tolerance:
+        return None  # nearly a family, and the goal needs another one of it
     cost = float(costs.sum())
     # What the half steps' own errors make of the solution, and the defects that are left.
     own = float(np.linalg.norm(left[:, :3], axis=1).max())

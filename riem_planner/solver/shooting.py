@@ -247,7 +247,8 @@ def newton(
 
     Returns
     -------
-    Whether the step exists and is finite.
+    What the step leaves of the goal's conditions, 0 but for a family of extremals; infinite if
+    there is no step.
     """
     M = times.size - 1
     columns = 4 if pointing else 6
@@ -298,7 +299,7 @@ def newton(
                 s += E[i, j] ** 2
             s = np.sqrt(s)
             if not s > 1e-300:
-                return False
+                return np.inf
             U[k, j, j] = s
             s = 1.0 / s
             for i in range(12):
@@ -319,6 +320,7 @@ def newton(
     g = np.zeros(6)
     _goal_conditions(pointing, states[M], goal, G, g)
     finite = True
+    missed = np.inf
     for r in range(2):
         system = np.zeros((columns, columns))
         beta = np.zeros(columns)
@@ -329,8 +331,9 @@ def newton(
                 beta[i] -= G[i, m] * z[M, r, m]
                 for j in range(columns):
                     system[i, j] += G[i, m] * Y[M, m, j]
-        if not _solve(system, beta):
-            return False
+        open_end = _solve(system, beta)
+        if r == 0:
+            missed = open_end
         out = step if r == 0 else left
         for k in range(M, -1, -1):
             if k < M:
@@ -347,7 +350,7 @@ def newton(
                     s += Y[k, i, j] * beta[j]
                 out[k, i] = s
                 finite = finite and abs(s) < np.inf
-    return finite
+    return missed if finite else np.inf
 
 
 @inlined
@@ -379,10 +382,11 @@ def _goal_conditions(pointing, end, goal, G, g):
 
 @inlined
 def _solve(A, b):
-    """Solve A x = b in place by elimination with full pivots; x comes in b. False if A is zero.
+    """Solve A x = b in place by elimination with full pivots; x comes in b.
 
     Where A is singular the extremals are a family, as about an obstacle that lies on an axis of
-    symmetry; the components that A leaves open stay as they are.
+    symmetry; the components that A leaves open stay as they are. Returns the largest part of b
+    that no x gives then, infinite if A is zero.
     """
     n = b.size
     order = np.arange(n)
@@ -410,6 +414,9 @@ def _solve(A, b):
             for m in range(i, n):
                 A[r, m] -= f * A[i, m]
             b[r] -= f * b[i]
+    missed = 0.0 if rank > 0 else np.inf
+    for i in range(rank, n):
+        missed = max(missed, abs(b[i]))
     x = np.zeros(n)
     for i in range(rank - 1, -1, -1):
         s = b[i]
@@ -418,7 +425,7 @@ def _solve(A, b):
         x[order[i]] = s / A[i, i]
     for i in range(n):
         b[i] = x[i]
-    return rank > 0
+    return missed
 
 
 @kernel
