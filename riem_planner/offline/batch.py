@@ -32,6 +32,8 @@ INVALID = "INVALID_PROBLEM"
 _CHUNK = 8  # lines a worker is handed at once
 _AHEAD = 3  # chunks per worker that are under way or wait to be written
 
+_LAST_WORDS = 2.0  # s for a worker to end
+
 Line = tuple[int, bytes]
 
 
@@ -103,16 +105,20 @@ def _plan_in_processes(lines: Iterator[Line], samples: int, jobs: int) -> Iterat
             while len(waiting) < _AHEAD * jobs and (chunk := list(islice(lines, _CHUNK))):
                 waiting.append(pool.submit(_plan_chunk, chunk, samples))
             if not waiting:
-                return
+                break
             yield from waiting.popleft().result()
     except BaseException:
-        # Nobody waits for the lines under way any more, nor for a kernel that is being compiled.
-        for worker in multiprocessing.active_children():
-            if worker not in others:
-                worker.terminate()
+        # Nobody waits for the lines under way any more, nor for a kernel that is being compiled;
+        # nor for the pool, which now and then never ends when its workers are ended beneath it.
+        workers = [child for child in multiprocessing.active_children() if child not in others]
+        for worker in workers:
+            worker.terminate()
+        pool.shutdown(wait=False, cancel_futures=True)
+        for worker in workers:
+            worker.join(_LAST_WORDS)
         raise
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
+    else:
+        pool.shutdown()
 
 
 def _plan_chunk(chunk: list[Line], samples: int) -> list[PlannedLine]:

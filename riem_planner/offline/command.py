@@ -34,6 +34,16 @@ _WRONG = (batch.INVALID, Status.START_IN_ZONE.name, Status.GOAL_IN_ZONE.name)
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns its exit code."""
+    code = _answered(arguments)
+    if code == INTERRUPTED and arguments is None:
+        # A pool whose workers were ended beneath it may keep the interpreter from ending.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+    return code
+
+
+def _answered(arguments: Sequence[str] | None) -> int:
     parser = _parser()
     options = parser.parse_args(arguments)
     _check_options(parser, options)
