@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from riem_planner.compiled import inlined, kernel
 from riem_planner.errors import InvalidProblemError
 from riem_planner.geometry import so3
+from riem_planner.geometry.quaternions import relative
 from riem_planner.validation import frozen
 
 Array = NDArray[np.float64]
@@ -199,19 +200,11 @@ def fit_quintics(times, quaternions, rates, accelerations):
     """Coefficients (n - 1, 6, 3) of the quintics between samples; see `Trajectory`."""
     n = times.size - 1
     coefficients = np.zeros((n, 6, 3))
+    turn = np.empty(3)
     for k in range(n):
         h = times[k + 1] - times[k]
-        p, q = quaternions[k], quaternions[k + 1]
-        # Relative rotation p^-1 q, the shorter way.
-        x = p[3] * q[0] - q[3] * p[0] - (p[1] * q[2] - p[2] * q[1])
-        y = p[3] * q[1] - q[3] * p[1] - (p[2] * q[0] - p[0] * q[2])
-        z = p[3] * q[2] - q[3] * p[2] - (p[0] * q[1] - p[1] * q[0])
-        w = p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]
-        if w < 0.0:
-            x, y, z, w = -x, -y, -z, -w
-        sine = np.sqrt(x * x + y * y + z * z)
-        factor = 2.0 * np.arctan2(sine, w) / sine if sine > 0.0 else 2.0
-        end = (factor * x, factor * y, factor * z)
+        relative(quaternions[k], quaternions[k + 1], turn)
+        end = (turn[0], turn[1], turn[2])
         end_1 = _jacobian_inverse_times(end, (rates[k + 1, 0], rates[k + 1, 1], rates[k + 1, 2]))
         zero = (0.0, 0.0, 0.0)
         _, drift = _rate_and_acceleration(end, end_1, zero)

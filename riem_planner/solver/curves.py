@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from riem_planner.compiled import inlined, kernel
+from riem_planner.geometry.quaternions import relative, turn
 from riem_planner.obstacles.potential import CUT_WIDTH, potential, towards
 from riem_planner.obstacles.table import GROUP, RADIUS, RANGE_ON, RATE
-from riem_planner.solver.quaternions import relative, turn
 
 _PARTS = 8  # of an interval, where obstacles are looked for
 _NEAR = 1.2  # rad from its edge, within which an obstacle has another side worth a try

@@ -17,8 +17,8 @@ from __future__ import annotations
 import numpy as np
 
 from riem_planner.compiled import inlined, kernel
+from riem_planner.geometry.quaternions import turn
 from riem_planner.obstacles.potential import potential
-from riem_planner.solver.quaternions import turn
 
 _MAX_STEP = 0.7  # rad a node may move in one iteration
 _ARMIJO = 1e-4

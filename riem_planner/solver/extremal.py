@@ -114,8 +114,9 @@ def _on_mesh(
             stalled = residual > 0.5 * before and residual < _ROUNDING
             if polished and (sensitivity * residual <= 0.1 * tolerance or stalled):
                 break
-            crossing = crosses_cut(setup.table, mesh, states).any(axis=0)
-            gain = np.where(crossing, 1.0 / _HALVING_AT_CUT, 1.0 / _HALVING)
+            if not polished:
+                crossing = crosses_cut(setup.table, mesh, states).any(axis=0)
+                gain = np.where(crossing, 1.0 / _HALVING_AT_CUT, 1.0 / _HALVING)
         watch.count()
         missed = shooting.newton(*fixed, setup.goal, defects, near, gain, whole, step, left)
         if missed == np.inf:

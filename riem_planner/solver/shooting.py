@@ -18,8 +18,8 @@ import numpy as np
 from scipy.integrate import DOP853
 
 from riem_planner.compiled import inlined, kernel
+from riem_planner.geometry.quaternions import ratio, relative, rotated, turn
 from riem_planner.obstacles.potential import first_derivatives, potential
-from riem_planner.solver.quaternions import ratio, relative, rotated, turn
 
 _STAGES = 12
 _A = np.ascontiguousarray(DOP853.A[:_STAGES, :_STAGES])
