@@ -112,9 +112,7 @@ class Spacecraft:
     def acceleration(self, state: BodyState, torque: ArrayLike) -> Array:
         """`v' = J^-1 (u - v x (J v + h))` (3,) [rad/s^2] under a torque u (3,) [N m]."""
         momentum = self.inertia @ state.rate + state.wheel_momentum
-        return np.asarray(
-            self._inverse @ (np.asarray(torque) - so3.hat(state.rate) @ momentum)
-        )
+        return np.asarray(self._inverse @ (np.asarray(torque) - so3.hat(state.rate) @ momentum))
 
     def applied_torque(self, state: BodyState, torque: ArrayLike, step: float) -> Array:
         """What the wheels give (3,) [N m] of a torque asked for, over a step [s].

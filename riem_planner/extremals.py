@@ -175,12 +175,24 @@ def extremal(
         from riem_planner.general.extremal import general_extremal
 
         return general_extremal(
-            space, state, acceleration, jerk, obstacles, tension,
-            duration=duration, tolerance=tolerance, step=step,
+            space,
+            state,
+            acceleration,
+            jerk,
+            obstacles,
+            tension,
+            duration=duration,
+            tolerance=tolerance,
+            step=step,
         )
     problem = Problem(
-        start=state, goal=state, duration=duration, space=space, tension=tension,
-        obstacles=tuple(obstacles), boresight=np.asarray(boresight),
+        start=state,
+        goal=state,
+        duration=duration,
+        space=space,
+        tension=tension,
+        obstacles=tuple(obstacles),
+        boresight=np.asarray(boresight),
     )
     a = _horizontal(problem, "acceleration", acceleration)
     j = _horizontal(problem, "jerk", jerk)
@@ -296,9 +308,7 @@ def attitude_momentum(attitude: Array, v: Array, j: Array, tension: float = 0.0)
     return np.asarray(np.einsum("...ij,...j->...i", attitude, tension * v - j))
 
 
-def pointing_momentum(
-    attitude: Array, v: Array, a: Array, j: Array, tension: float = 0.0
-) -> Array:
+def pointing_momentum(attitude: Array, v: Array, a: Array, j: Array, tension: float = 0.0) -> Array:
     """`N = R (sigma v - v'' - v' x v)` (..., 3): constant on S^2 without obstacles.
 
     With one fixed obstacle of direction s, `s . N` is constant.

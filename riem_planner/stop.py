@@ -69,11 +69,7 @@ def _drift(xi: Array, xi_1: Array) -> Array:
     second_rate = np.where(
         angle > 0.5,
         (first - 3 * second) / large**2,
-        -1 / 60
-        + square / 1260
-        - square**2 / 60480
-        + square**3 / 4989600
-        - square**4 / 622702080,
+        -1 / 60 + square / 1260 - square**2 / 60480 + square**3 / 4989600 - square**4 / 622702080,
     )
     inner = np.sum(xi * xi_1, axis=-1, keepdims=True)
     once = np.cross(xi, xi_1)

@@ -235,9 +235,7 @@ def test_pushed_out_and_back_the_excursion_tells_the_least_duration():
     fixed = replace(zone, normalized_strength=None, strength=1e-2)
     assert "the shorter the better" in solve(replace(problem, obstacles=(fixed,))).message
     # In the middle of a zone to keep in nothing pushes.
-    middle = Zone(
-        [1.0, 0.0, 0.0], 0.3, [1.0, 0.0, 0.0], kind="keep_in", normalized_strength=0.01
-    )
+    middle = Zone([1.0, 0.0, 0.0], 0.3, [1.0, 0.0, 0.0], kind="keep_in", normalized_strength=0.01)
     assert "the same state at rest" in solve(replace(problem, obstacles=(middle,))).message
 
 

@@ -74,8 +74,9 @@ def random_obstacle(rng, space, ends, fixed, moves):
         common["strength"] = 10.0 ** rng.uniform(-8.0, -4.0)
     else:
         common["normalized_strength"] = 10.0 ** rng.uniform(-3.0, -1.0)
-    kind = rng.choice(["keep_out", "keep_in"] if space == S2 else
-                      ["keep_out", "keep_in", "orientation"])
+    kind = rng.choice(
+        ["keep_out", "keep_in"] if space == S2 else ["keep_out", "keep_in", "orientation"]
+    )
     if kind == "orientation":
         q = rng.normal(size=4)
         return OrientationObstacle(so3.quaternion_to_matrix(q / np.linalg.norm(q)), **common)
@@ -98,9 +99,7 @@ def certified_at(problem, T):
     solution = solve(replace(timed, limits=None))
     found = [solution, *solution.alternatives]
     return any(
-        certify(each.trajectory, timed).certified
-        for each in found
-        if each.trajectory is not None
+        certify(each.trajectory, timed).certified for each in found if each.trajectory is not None
     )
 
 
@@ -136,8 +135,10 @@ def test_a_class_that_only_longer_durations_show_is_followed_to_its_least():
     problem = random_problem(166)
     T = solve(problem).trajectory.duration
     seen = solve(replace(problem, duration=1.05 * T, limits=None))
-    quick = [certify(each.trajectory, replace(problem, duration=1.05 * T)).certified
-             for each in (seen, *seen.alternatives)]
+    quick = [
+        certify(each.trajectory, replace(problem, duration=1.05 * T)).certified
+        for each in (seen, *seen.alternatives)
+    ]
     assert not any(quick)
     # A duration that is stated is refused no more than one that is found.
     assert solve(replace(problem, duration=1.05 * T)).solved

@@ -57,8 +57,9 @@ def test_energy_grows_by_the_work_of_the_wheels(body):
     torque = np.array([0.3, -0.2, 0.1])
     states = flown(body, TUMBLING, torque, 10.0, 1000)
     power = np.array([state.rate @ torque for state in states])
-    simpson = 10.0 / 3000 * (power[0] + power[-1] + 4 * power[1:-1:2].sum()
-                             + 2 * power[2:-1:2].sum())
+    simpson = (
+        10.0 / 3000 * (power[0] + power[-1] + 4 * power[1:-1:2].sum() + 2 * power[2:-1:2].sum())
+    )
     gained = body.kinetic_energy(states[-1]) - body.kinetic_energy(states[0])
     assert abs(gained) > 0.1
     assert gained == pytest.approx(simpson, abs=1e-8)
@@ -105,8 +106,9 @@ def test_a_wheel_turns_a_body_at_rest_by_the_closed_form():
 
 
 def test_wheels_saturate_in_torque_and_in_momentum():
-    spacecraft = Spacecraft(np.diag([2.0, 3.0, 4.0]), torque_limit=[0.1, 0.2, 0.3],
-                            momentum_limit=0.5)
+    spacecraft = Spacecraft(
+        np.diag([2.0, 3.0, 4.0]), torque_limit=[0.1, 0.2, 0.3], momentum_limit=0.5
+    )
     rest = BodyState([0, 0, 0, 1])
     assert spacecraft.applied_torque(rest, [1.0, -1.0, 0.25], 0.1).tolist() == [0.1, -0.2, 0.25]
     states = flown(spacecraft, rest, [1.0, -1.0, 1.0], 20.0, 77)
@@ -144,8 +146,9 @@ def test_a_target_extrapolates_a_constant_acceleration_to_fourth_order():
         fine = target
         for _ in range(2000):
             fine = fine.after(time / 2000)
-        errors.append(float(so3.quaternion_distance(target.after(time).quaternion,
-                                                    fine.quaternion)))
+        errors.append(
+            float(so3.quaternion_distance(target.after(time).quaternion, fine.quaternion))
+        )
         assert target.after(time).rate == pytest.approx(fine.rate, abs=1e-12)
     assert errors[-1] < 1e-5
     assert np.all(orders(errors) > 3.8)
@@ -190,8 +193,9 @@ def test_the_feed_forward_is_turned_into_the_bodys_frame():
     # The body is at an error, and its acceleration relative to the target is the feedback's:
     # what is left of d/dt (v - Q v_d) by differences must be -omega^2 e - 2 zeta omega w.
     plant, controller = Spacecraft(INERTIA), Controller(INERTIA, 0.7, 0.9)
-    target = Target(np.array([0.0, 0.0, 0.0, 1.0]), np.array([0.3, 0.1, -0.2]),
-                    np.array([0.1, -0.2, 0.05]))
+    target = Target(
+        np.array([0.0, 0.0, 0.0, 1.0]), np.array([0.3, 0.1, -0.2]), np.array([0.1, -0.2, 0.05])
+    )
     torque = controller.torque(TUMBLING, target)
 
     def rate_error(time):

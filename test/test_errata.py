@@ -48,7 +48,10 @@ def towards(R):
 def orientation_variation(curve, tau=TAU):
     centre = so3.matrix_to_quaternion(Q)
     return first_variation(
-        lambda t: quaternion_jet(*curve(t)[:3]), T, 4.0, SIGMA,
+        lambda t: quaternion_jet(*curve(t)[:3]),
+        T,
+        4.0,
+        SIGMA,
         lambda q: tau / so3.quaternion_distance(q, centre) ** 2,
     )
 
@@ -73,8 +76,13 @@ CORRECTED = with_force(SO3, corrected_force)
 
 def test_corrected_equation_is_the_one_of_the_project():
     curve = extremal(
-        SO3, State(np.eye(3), START[4:7]), START[7:10], START[10:],
-        (OrientationObstacle(Q, strength=TAU),), SIGMA, duration=T,
+        SO3,
+        State(np.eye(3), START[4:7]),
+        START[7:10],
+        START[10:],
+        (OrientationObstacle(Q, strength=TAU),),
+        SIGMA,
+        duration=T,
     )
     for mine, theirs in zip(CORRECTED(TIMES), curve.evaluate(TIMES), strict=True):
         np.testing.assert_allclose(mine, theirs, atol=1e-11)
@@ -166,7 +174,12 @@ def test_force_of_a_lift_leaves_the_horizontal_space():
     assert np.abs(printed(TIMES)[1][:, 0]).max() > 1e-2
     state = State(np.eye(3), S2_START[4:7])
     right = extremal(
-        S2, state, S2_START[7:10], S2_START[10:], (Zone(PLACE, 0.0, strength=TAU),), SIGMA,
+        S2,
+        state,
+        S2_START[7:10],
+        S2_START[10:],
+        (Zone(PLACE, 0.0, strength=TAU),),
+        SIGMA,
         duration=T,
     )
     assert np.abs(right.evaluate(TIMES)[1][:, 0]).max() < 1e-14
@@ -187,14 +200,22 @@ def test_projected_force_of_a_lift_is_not_stationary_on_the_sphere():
 
     def variation(curve):
         return first_variation(
-            lambda t: pointing_jet(*curve(t)[:3], np.array([1.0, 0.0, 0.0])), T, 1.0, SIGMA,
+            lambda t: pointing_jet(*curve(t)[:3], np.array([1.0, 0.0, 0.0])),
+            T,
+            1.0,
+            SIGMA,
             potential,
         )
 
     printed = with_force(S2, lambda R: lift_force(R) * [0, 1, 1], S2_START)
     right = extremal(
-        S2, State(np.eye(3), S2_START[4:7]), S2_START[7:10], S2_START[10:],
-        (Zone(PLACE, 0.0, strength=TAU),), SIGMA, duration=T,
+        S2,
+        State(np.eye(3), S2_START[4:7]),
+        S2_START[7:10],
+        S2_START[10:],
+        (Zone(PLACE, 0.0, strength=TAU),),
+        SIGMA,
+        duration=T,
     )
     assert variation(right.evaluate) < 1e-6
     assert variation(printed) > 1e-3

@@ -127,9 +127,7 @@ def test_s2_first_variation_vanishes(tension):
 
 def test_rest_to_rest_about_one_axis_is_the_hermite_cubic():
     axis, angle = np.array([2.0, -1.0, 2.0]) / 3.0, 2.2
-    curve = extremal(
-        SO3, State(R0), 6 * angle / T**2 * axis, -12 * angle / T**3 * axis, duration=T
-    )
+    curve = extremal(SO3, State(R0), 6 * angle / T**2 * axis, -12 * angle / T**3 * axis, duration=T)
     s = TIMES / T
     expected = R0 @ so3.exp((angle * s**2 * (3 - 2 * s))[:, None] * axis)
     np.testing.assert_allclose(so3.distance(curve.evaluate(TIMES)[0], expected), 0, atol=1e-12)
@@ -180,8 +178,13 @@ def test_time_reversal_reverses_the_extremal(space):
 def test_time_scaling_keeps_the_curve():
     c = 40.0
     slow = extremal(
-        SO3, State(I3, np.array(V0) / c), np.array(A0) / c**2, np.array(J0) / c**3,
-        (OrientationObstacle(Q, strength=0.5 / c**4),), 0.7 / c**2, duration=c * T,
+        SO3,
+        State(I3, np.array(V0) / c),
+        np.array(A0) / c**2,
+        np.array(J0) / c**3,
+        (OrientationObstacle(Q, strength=0.5 / c**4),),
+        0.7 / c**2,
+        duration=c * T,
         tolerance=1e-16,
     )
     fast = attitude_extremal().evaluate(TIMES)
@@ -300,8 +303,15 @@ def test_second_variation_loses_a_sign_at_the_biconjugate_time(a, sigma, expecte
 def test_collision_course_ends_with_an_error_that_names_the_time(monkeypatch):
     monkeypatch.setattr("riem_planner.extremals._MOST_EVALUATIONS", 2000)
     with pytest.raises(ExtremalEndsError, match=r"ends at t = \d\.\d+ s of 5 s") as error:
-        extremal(SO3, State(I3, [3.0, 0, 0]), [5.0, 0, 0], [0, 300.0, 0],
-                 (OrientationObstacle(so3.exp([0.5, 0, 0]), strength=1e-3),), 50.0, duration=5.0)
+        extremal(
+            SO3,
+            State(I3, [3.0, 0, 0]),
+            [5.0, 0, 0],
+            [0, 300.0, 0],
+            (OrientationObstacle(so3.exp([0.5, 0, 0]), strength=1e-3),),
+            50.0,
+            duration=5.0,
+        )
     assert 0.0 < error.value.time < 5.0
 
 

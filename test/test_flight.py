@@ -29,8 +29,9 @@ def case(name, duration=None, enlarged=0.0):
     limits = problem.limits
     spacecraft = Spacecraft(limits.inertia_matrix, limits.torque, limits.momentum)
     zones = tuple(
-        replace(zone, half_angle=zone.half_angle
-                + (enlarged if zone.kind == "keep_out" else -enlarged))
+        replace(
+            zone, half_angle=zone.half_angle + (enlarged if zone.kind == "keep_out" else -enlarged)
+        )
         for zone in problem.obstacles
     )
     return problem, plan(replace(problem, obstacles=zones)), spacecraft
@@ -122,8 +123,12 @@ def test_what_goes_wrong_follows_the_seed():
 
 @pytest.mark.parametrize(
     ("values", "key"),
-    [({"setpoint_rate": 0.0}, "setpoint_rate"), ({"steps_per_setpoint": 0}, "steps_per_setpoint"),
-     ({"dropped": 1.0}, "dropped"), ({"initial_error": [1.0, 2.0]}, "initial_error")],
+    [
+        ({"setpoint_rate": 0.0}, "setpoint_rate"),
+        ({"steps_per_setpoint": 0}, "steps_per_setpoint"),
+        ({"dropped": 1.0}, "dropped"),
+        ({"initial_error": [1.0, 2.0]}, "initial_error"),
+    ],
 )
 def test_wrong_conditions_are_refused_by_name(values, key):
     with pytest.raises(InvalidProblemError, match=key):

@@ -1,6 +1,5 @@
 """Boundary-value problems on general spaces, against each other and against exact answers."""
 
-
 import numpy as np
 import pytest
 
@@ -59,9 +58,7 @@ def test_euclidean_space_gives_the_hermite_cubic():
     t = np.linspace(0.0, 2.0, 9)
     g, _, a = solution.trajectory.evaluate(t)
     s = t[:, None] / 2.0
-    cubic = (
-        (s**3 - 2 * s**2 + s) * 2 * V0 + (3 * s**2 - 2 * s**3) * X1 + (s**3 - s**2) * 2 * V1
-    )
+    cubic = (s**3 - 2 * s**2 + s) * 2 * V0 + (3 * s**2 - 2 * s**3) * X1 + (s**3 - s**2) * 2 * V1
     np.testing.assert_allclose(g[:, :3, 3], cubic, atol=1e-12)
     np.testing.assert_allclose(a[0], 3 * X1 / 2 - (2 * V0 + V1), atol=1e-10)
 
@@ -93,7 +90,11 @@ def test_s3_as_a_group_agrees_with_s3_as_a_quotient():
 
     problem = stated(group)
     quotient = GeneralProblem(
-        sphere, on_sphere(problem.start), on_sphere(problem.goal), 2.0, 0.5,
+        sphere,
+        on_sphere(problem.start),
+        on_sphere(problem.goal),
+        2.0,
+        0.5,
         (PointObstacle(sphere.lift(point(problem.obstacles[0].element)), 0.05, 0.02),),
     )
     first, second = solved(problem), solved(quotient)
@@ -154,12 +155,20 @@ def test_so3_compiled_and_general_solutions_agree():
 def test_s2_compiled_and_general_solutions_agree():
     start, goal, place = (so3.exp([0, *x]) for x in ([0.4, 0.2], [-0.7, 1.2], [-0.1, 0.75]))
     problem = Problem(
-        State(start, [0, 0.5, 0.3]), State(goal, [0, -0.2, 0.6]), 2.0, space=S2, tension=0.5,
+        State(start, [0, 0.5, 0.3]),
+        State(goal, [0, -0.2, 0.6]),
+        2.0,
+        space=S2,
+        tension=0.5,
         obstacles=(Zone(place[:, 0], 0.05, strength=0.05),),
     )
     same = GeneralProblem(
-        unit_sphere(2), GeneralState(start, [0.5, 0.3]), GeneralState(goal, [-0.2, 0.6]), 2.0,
-        0.5, (PointObstacle(place, 0.05, 0.05),),
+        unit_sphere(2),
+        GeneralState(start, [0.5, 0.3]),
+        GeneralState(goal, [-0.2, 0.6]),
+        2.0,
+        0.5,
+        (PointObstacle(place, 0.05, 0.05),),
     )
     compiled, general = solve(problem, tolerance=1e-11), solve(same, search="local")
     assert general.cost == pytest.approx(compiled.cost, rel=1e-9)
@@ -193,8 +202,12 @@ def test_new_group_sp1_is_su2():
     assert symplectic(2).why_not_element(np.diag([1j, 1, 1, 1]))
     rates = [group.coordinates(special_unitary(2).algebra(v)) for v in (V0, V1, X1, XQ)]
     problem = GeneralProblem(
-        group, GeneralState(np.eye(2), rates[0]), GeneralState(group.exp(rates[2]), rates[1]),
-        2.0, 0.5, (PointObstacle(group.exp(rates[3]), 0.05, 0.02),),
+        group,
+        GeneralState(np.eye(2), rates[0]),
+        GeneralState(group.exp(rates[2]), rates[1]),
+        2.0,
+        0.5,
+        (PointObstacle(group.exp(rates[3]), 0.05, 0.02),),
     )
     assert solved(problem).cost == pytest.approx(solved(stated(special_unitary(2))).cost, rel=1e-9)
 
@@ -208,8 +221,10 @@ def test_new_space_cp1_is_a_sphere():
 
     def problem(space, scale):
         return GeneralProblem(
-            space, GeneralState(space.identity, v0 * scale),
-            GeneralState(space.exp(x * scale), v1 * scale), 1.0,
+            space,
+            GeneralState(space.identity, v0 * scale),
+            GeneralState(space.exp(x * scale), v1 * scale),
+            1.0,
         )
 
     found = solved(problem(complex_plane, radius)).cost

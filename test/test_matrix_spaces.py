@@ -104,7 +104,13 @@ def test_hamiltonian_constant_along_extremals(space):
     v, a, j = (0.5 * rng.normal(size=n) for _ in range(3))
     obstacle = PointObstacle(space.exp(0.6 * rng.normal(size=n) / np.sqrt(n) + 0.4 * v), 0.05)
     curve = extremal(
-        space, GeneralState(space.identity, v), a, j, (obstacle,), 0.4, duration=1.0,
+        space,
+        GeneralState(space.identity, v),
+        a,
+        j,
+        (obstacle,),
+        0.4,
+        duration=1.0,
         tolerance=1e-11,
     )
     t = np.linspace(0.0, 1.0, 7)
@@ -116,12 +122,22 @@ def test_so3_extremal_is_the_general_one():
     Q = so3.exp([0.5, 0.9, -0.3])
     v, a, j = [0.3, 0.8, -0.4], [0.2, -0.5, 0.1], [0.3, 0.2, -1.0]
     core = extremal(
-        SO3, State(np.eye(3), v), a, j, (OrientationObstacle(Q, strength=0.5, radius=0.1),), 0.7,
+        SO3,
+        State(np.eye(3), v),
+        a,
+        j,
+        (OrientationObstacle(Q, strength=0.5, radius=0.1),),
+        0.7,
         duration=1.5,
     )
     general = extremal(
-        special_orthogonal(3), GeneralState(np.eye(3), v), a, j, (PointObstacle(Q, 0.5, 0.1),),
-        0.7, duration=1.5,
+        special_orthogonal(3),
+        GeneralState(np.eye(3), v),
+        a,
+        j,
+        (PointObstacle(Q, 0.5, 0.1),),
+        0.7,
+        duration=1.5,
     )
     t = np.linspace(0.0, 1.5, 16)
     for mine, theirs in zip(general.evaluate(t), core.evaluate(t), strict=True):
@@ -132,11 +148,21 @@ def test_s2_extremal_is_the_general_one():
     start, place = so3.exp([0.4, -0.2, 0.3]), so3.exp([0.1, 0.9, 0.5])
     v, a, j = [0.8, -0.4], [-0.5, 0.1], [0.2, -1.0]
     core = extremal(
-        S2, State(start, [0, *v]), [0, *a], [0, *j], (Zone(place[:, 0], 0.1, strength=0.5),), 0.7,
+        S2,
+        State(start, [0, *v]),
+        [0, *a],
+        [0, *j],
+        (Zone(place[:, 0], 0.1, strength=0.5),),
+        0.7,
         duration=1.5,
     )
     general = extremal(
-        unit_sphere(2), GeneralState(start, v), a, j, (PointObstacle(place, 0.5, 0.1),), 0.7,
+        unit_sphere(2),
+        GeneralState(start, v),
+        a,
+        j,
+        (PointObstacle(place, 0.5, 0.1),),
+        0.7,
         duration=1.5,
     )
     t = np.linspace(0.0, 1.5, 16)
@@ -157,7 +183,11 @@ def test_projective_line_is_half_the_sphere():
         sphere, GeneralState(np.eye(3), v), a, j, (PointObstacle(place, 0.1),), duration=1.0
     )
     on_line = extremal(
-        line, GeneralState(np.eye(3), same @ v), same @ a, same @ j, (PointObstacle(place, 0.1),),
+        line,
+        GeneralState(np.eye(3), same @ v),
+        same @ a,
+        same @ j,
+        (PointObstacle(place, 0.1),),
         duration=1.0,
     )
     np.testing.assert_allclose(on_line.evaluate(1.0)[0], on_sphere.evaluate(1.0)[0], atol=1e-10)
@@ -197,8 +227,11 @@ def test_distance_across_the_cut_locus_is_continuous():
         (special_unitary(2), 1j * np.eye(2), "determinant"),
         (unit_sphere(2), np.diag([1.0, 1.0, -1.0]), "determinant -1"),
         (euclidean(2), 2.0 * np.eye(3), "translation|that is not"),
-        (CompactGroup("T^2", [np.diag([1j, 0]), np.diag([0, 1j])]),
-         np.array([[0, 1], [-1, 0]]), "leaves the Lie algebra"),
+        (
+            CompactGroup("T^2", [np.diag([1j, 0]), np.diag([0, 1j])]),
+            np.array([[0, 1], [-1, 0]]),
+            "leaves the Lie algebra",
+        ),
     ],
 )
 def test_matrix_outside_the_group_is_an_error(space, g, reason):
@@ -221,8 +254,14 @@ def test_problem_values_are_checked():
         with pytest.raises(InvalidProblemError, match=key):
             GeneralProblem(**stated)
     with pytest.raises(InvalidProblemError, match="outside of every obstacle"):
-        extremal(space, rest, np.zeros(3), np.zeros(3), (PointObstacle(np.eye(3), 1.0, 0.1),),
-                 duration=1.0)
+        extremal(
+            space,
+            rest,
+            np.zeros(3),
+            np.zeros(3),
+            (PointObstacle(np.eye(3), 1.0, 0.1),),
+            duration=1.0,
+        )
 
 
 def test_a_basis_that_is_no_algebra_is_an_error():

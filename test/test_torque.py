@@ -189,9 +189,7 @@ def test_effort_is_never_above_that_of_the_start():
         axes = so3.exp(rng.normal(size=3))
         a, b = rng.uniform(1.0, 3.0, 2)
         J = axes @ np.diag([a, b, rng.uniform(abs(a - b) + 0.05, a + b)]) @ axes.T
-        states = (
-            State(so3.exp(rng.normal(size=3)), 0.05 * rng.normal(size=3)) for _ in range(2)
-        )
+        states = (State(so3.exp(rng.normal(size=3)), 0.05 * rng.normal(size=3)) for _ in range(2))
         problem = Problem(*states, 10.0)
         found = refine_torque(solve(problem).trajectory, problem, J)
         assert found.solved
@@ -270,12 +268,18 @@ def test_other_body_axes_are_the_same_body(refined):
 def test_slower_is_the_same_path_with_effort_by_the_cube(refined):
     problem, start, found = refined
     slow = 3.0
-    ends = (replace(s, angular_velocity=s.angular_velocity / slow)
-            for s in (problem.start, problem.goal))
+    ends = (
+        replace(s, angular_velocity=s.angular_velocity / slow)
+        for s in (problem.start, problem.goal)
+    )
     obstacles = tuple(replace(o, rate=o.rate / slow) for o in problem.obstacles)
     slower = Problem(*ends, 30.0, normalized_tension=0.7, obstacles=obstacles)
-    stretched = Trajectory(slow * start.times, start.quaternions_xyzw,
-                           start.angular_velocities / slow, start.angular_accelerations / slow**2)
+    stretched = Trajectory(
+        slow * start.times,
+        start.quaternions_xyzw,
+        start.angular_velocities / slow,
+        start.angular_accelerations / slow**2,
+    )
     other = refine_torque(stretched, slower, LOPSIDED)
     assert other.effort * slow**3 == pytest.approx(found.effort, rel=1e-9)
     assert other.cost * slow**3 == pytest.approx(found.cost, rel=1e-9)

@@ -12,8 +12,13 @@ Q = so3.exp([0.5, 0.9, -0.3])
 
 def samples(times, rate=(0.3, 0.8, -0.4)):
     curve = extremal(
-        SO3, State(np.eye(3), rate), [0.2, -0.5, 0.1], [0.3, 0.2, -1.0],
-        (OrientationObstacle(Q, strength=0.5),), duration=float(times[-1]), tolerance=1e-12,
+        SO3,
+        State(np.eye(3), rate),
+        [0.2, -0.5, 0.1],
+        [0.3, 0.2, -1.0],
+        (OrientationObstacle(Q, strength=0.5),),
+        duration=float(times[-1]),
+        tolerance=1e-12,
     )
     R, v, a, _ = curve.evaluate(times)
     q = so3.matrix_to_quaternion(R)
@@ -123,8 +128,9 @@ def test_ends_themselves_are_allowed_and_shapes_follow_the_times():
 def test_resampled_passes_through_its_own_points():
     coarse = TRAJECTORY.resampled(11)
     assert coarse.duration == TRAJECTORY.duration
-    for mine, theirs in zip(coarse.evaluate(coarse.times), TRAJECTORY.evaluate(coarse.times),
-                            strict=True):
+    for mine, theirs in zip(
+        coarse.evaluate(coarse.times), TRAJECTORY.evaluate(coarse.times), strict=True
+    ):
         np.testing.assert_allclose(mine, theirs, atol=1e-13)
     with pytest.raises(ValueError, match="at least 2"):
         TRAJECTORY.resampled(1)

@@ -12,8 +12,9 @@ from riem_planner.geometry import so3
 def pointing_jet(R, v, a, b):
     """Direction x = R b with its first two derivatives, each (n, 3)."""
     rate, acceleration = np.cross(v, b), np.cross(a, b) + np.cross(v, np.cross(v, b))
-    return tuple(np.einsum("nij,nj->ni", R, y) for y in (np.broadcast_to(b, v.shape), rate,
-                                                         acceleration))
+    return tuple(
+        np.einsum("nij,nj->ni", R, y) for y in (np.broadcast_to(b, v.shape), rate, acceleration)
+    )
 
 
 def quaternion_jet(R, v, a):
@@ -21,12 +22,14 @@ def quaternion_jet(R, v, a):
     q = so3.matrix_to_quaternion(R)
     for k in range(1, len(q)):
         q[k] *= 1.0 if q[k] @ q[k - 1] >= 0.0 else -1.0
+
     def pure(w):
         return np.concatenate([w, np.zeros((len(w), 1))], axis=1)
 
     rate = 0.5 * so3.quaternion_multiply(q, pure(v))
-    acceleration = 0.5 * (so3.quaternion_multiply(rate, pure(v))
-                          + so3.quaternion_multiply(q, pure(a)))
+    acceleration = 0.5 * (
+        so3.quaternion_multiply(rate, pure(v)) + so3.quaternion_multiply(q, pure(a))
+    )
     return q, rate, acceleration
 
 
@@ -65,8 +68,16 @@ def first_variation(curve, duration, scale, sigma, potential, seed=0, epsilon=1e
         shape = [np.polyder(polynomial, m)(s) / duration**m for m in range(3)]
         direction = rng.normal(size=jet[0].shape[1])
         above, below = (
-            cost([y + sign * epsilon * p[:, None] * direction
-                  for y, p in zip(jet, shape, strict=True)], weights, scale, sigma, potential)
+            cost(
+                [
+                    y + sign * epsilon * p[:, None] * direction
+                    for y, p in zip(jet, shape, strict=True)
+                ],
+                weights,
+                scale,
+                sigma,
+                potential,
+            )
             for sign in (1.0, -1.0)
         )
         size = np.sqrt(np.sum(weights * shape[2] ** 2)) * np.linalg.norm(direction)

@@ -140,10 +140,13 @@ def shoot(
         g, w, (end_g, end_w) = solved
         whole_g, whole_w = shooting.ends(g, w, h, steps=1)
         scale = 1.0 + np.max(np.abs(w), axis=(1, 2))
-        error = np.maximum(
-            np.max(np.abs(end_g - whole_g), axis=(1, 2)),
-            np.max(np.abs(end_w - whole_w), axis=(1, 2)) / scale,
-        ) / _RULE_GAIN
+        error = (
+            np.maximum(
+                np.max(np.abs(end_g - whole_g), axis=(1, 2)),
+                np.max(np.abs(end_w - whole_w), axis=(1, 2)) / scale,
+            )
+            / _RULE_GAIN
+        )
         coarse = np.flatnonzero(error > tolerance)
         if coarse.size == 0:
             return times, g, w, float(error.max()), iterations

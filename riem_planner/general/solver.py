@@ -92,8 +92,10 @@ def solve_general(
     elapsed = time.monotonic() - begin
     if stopped is not None:
         return GeneralSolution(
-            stopped, f"stopped after {elapsed:.3g} s: {stopped.advice}",
-            iterations=iterations, solve_time=elapsed,
+            stopped,
+            f"stopped after {elapsed:.3g} s: {stopped.advice}",
+            iterations=iterations,
+            solve_time=elapsed,
         )
     return _best(problem, found, iterations, elapsed)
 
@@ -119,8 +121,16 @@ def _best(
         if all(margin > 0.0 for margin in clearance.values()):
             others = sorted(((c, x) for c, x, _ in found if c > cost), key=lambda entry: entry[0])
             return GeneralSolution(
-                Status.SOLVED, f"solved: cost {cost:.9g}", trajectory, cost, clearance,
-                _boundary_error(trajectory), error, tuple(others), iterations, elapsed,
+                Status.SOLVED,
+                f"solved: cost {cost:.9g}",
+                trajectory,
+                cost,
+                clearance,
+                _boundary_error(trajectory),
+                error,
+                tuple(others),
+                iterations,
+                elapsed,
             )
     message = "no initial curve led to an extremal that keeps off every obstacle"
     return GeneralSolution(
@@ -142,9 +152,7 @@ def initial_curves(problem: GeneralProblem, detours: int) -> list[Array]:
         # A little off, so that an obstacle on the geodesic is not met head-on; then far off.
         size = 1e-3 if k == 0 else (0.5, 1.5, 3.0)[k % 3]
         offset = rng.normal(size=space.dimension)
-        middle = start @ space.exp(0.5 * direct) @ space.exp(
-            size * offset / np.linalg.norm(offset)
-        )
+        middle = start @ space.exp(0.5 * direct) @ space.exp(size * offset / np.linalg.norm(offset))
         out, home = space.between(start, middle), space.between(middle, goal)
         first = start @ space.exp(2.0 * s[s < 0.5, None] * out)
         second = middle @ space.exp((2.0 * s[s >= 0.5, None] - 1.0) * home)

@@ -90,9 +90,7 @@ def unitary_log(U: Array, *, traceless: bool = False) -> tuple[Array, NDArray[np
     return (result if np.iscomplexobj(U) else np.asarray(result.real)), determined
 
 
-def _traceless(
-    angles: Real, determined: NDArray[np.bool_]
-) -> tuple[Real, NDArray[np.bool_]]:
+def _traceless(angles: Real, determined: NDArray[np.bool_]) -> tuple[Real, NDArray[np.bool_]]:
     """Angles (..., N), sorted upwards, changed by full turns so that they add up to 0.
 
     The least change in length turns the largest (or the least) of them; which ones is not

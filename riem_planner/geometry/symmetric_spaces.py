@@ -71,9 +71,7 @@ class SymmetricSpace(MatrixSpace):
 
     def log_unchecked(self, h: Array) -> tuple[Real, NDArray[np.bool_]]:
         """Coordinates (..., n) of the shortest geodesic to h K, and whether it is determined."""
-        X, determined = unitary_log(
-            h @ adjoint(self.involution(h)), traceless=self.group.traceless
-        )
+        X, determined = unitary_log(h @ adjoint(self.involution(h)), traceless=self.group.traceless)
         return 0.5 * self.coordinates(X), determined
 
     def curvature_term(self, v: Real, a: Real, j: Real) -> Real:

@@ -134,8 +134,12 @@ class Demonstration:
         return 1
 
     def _follow(self, start_ns: int, duration: float) -> None:
-        bar = tqdm(total=round(duration, 1), unit="s", desc="flying",
-                   bar_format="{desc} {percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s{postfix}")
+        bar = tqdm(
+            total=round(duration, 1),
+            unit="s",
+            desc="flying",
+            bar_format="{desc} {percentage:3.0f}%|{bar}| {n:.1f}/{total:.1f} s{postfix}",
+        )
         while not self.stop.wait(0.1):
             done = min(max((self.listener.setpoint_ns - start_ns) * 1e-9, 0.0), duration)
             bar.n = round(done, 1)
@@ -161,7 +165,9 @@ def _end(processes: Sequence[subprocess.Popen[bytes]]) -> None:
         try:
             process.wait(5.0)
         except subprocess.TimeoutExpired:
+            print(f"{' '.join(process.args[:3])} did not end; killed", file=sys.stderr)
             process.kill()
+            process.wait()
 
 
 def _commands(settings: Settings, path: Path, duration: float | None) -> tuple[list[str], ...]:

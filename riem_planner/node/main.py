@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import gc
 import os
 import signal
@@ -11,6 +12,8 @@ from types import FrameType
 
 STOP_WITHIN = 0.5
 """Time given to the executor to end [s]."""
+HUNG = 4.0
+"""Time after which an end that hangs is cut off, and where it hangs is told [s]."""
 SWITCH_INTERVAL = 5e-4
 """How long a thread may keep the interpreter from the stream [s]."""
 
@@ -79,6 +82,7 @@ def main(arguments: list[str] | None = None) -> int:
     spinning.start()
     while not stop.wait(0.5):
         pass
+    faulthandler.dump_traceback_later(HUNG, exit=True)
     # All that is left is to end: looking through what the compiler left would take seconds.
     gc.disable()
     gc.freeze()

@@ -131,9 +131,7 @@ class PlannerNode(LifecycleNode):
         ) -> ChangeState.Response:
             wanted = request.transition
             for available in self._state_machine.available_transitions:
-                if wanted.label == available[1] or (
-                    not wanted.label and wanted.id == available[0]
-                ):
+                if wanted.label == available[1] or (not wanted.label and wanted.id == available[0]):
                     return change(request, response)
             name = wanted.label or str(wanted.id)
             state = self._state_machine.current_state[1]

@@ -188,5 +188,3 @@ def without_roll(setpoint: Setpoint, settings: Settings) -> Setpoint:
     # Only along its own motion does a deceleration stay free of roll.
     along = rate / speed if speed > 1e-12 else np.zeros(3)
     return setpoint._replace(rate=rate, acceleration=(acceleration @ along) * along)
-
-

@@ -76,10 +76,20 @@ def _limit(name: str, description: str) -> Specification:
 
 
 SPECIFICATIONS: tuple[Specification, ...] = (
-    _fixed("space", "text", "so3", "so3: attitude; s2: pointing of the boresight, roll free",
-           choices=("so3", "s2")),
-    _fixed("boresight", "numbers", [1.0, 0.0, 0.0],
-           "body axis that points on s2, and of zones that name none [any length]", lengths=(3,)),
+    _fixed(
+        "space",
+        "text",
+        "so3",
+        "so3: attitude; s2: pointing of the boresight, roll free",
+        choices=("so3", "s2"),
+    ),
+    _fixed(
+        "boresight",
+        "numbers",
+        [1.0, 0.0, 0.0],
+        "body axis that points on s2, and of zones that name none [any length]",
+        lengths=(3,),
+    ),
     _fixed("reference_frame", "text", "inertial", "frame that messages must name"),
     _fixed("body_frame", "text", "base_link", "frame of the body, in ~/state and ~/imu"),
     _number("duration", 60.0, "of a slew; 0: the least within the limits [s]", 0.0, 1e6),
@@ -87,30 +97,55 @@ SPECIFICATIONS: tuple[Specification, ...] = (
     _limit("limits.acceleration", "largest body acceleration, one or three; unset: none [rad/s^2]"),
     _limit("limits.torque", "largest torque, one or three; needs inertia; unset: none [N m]"),
     _limit("limits.momentum", "largest momentum, one or three; needs inertia; unset: none [N m s]"),
-    Specification("inertia", "numbers", [], "inertia matrix by rows; unset: unknown [kg m^2]",
-                  -1e9, 1e9, lengths=(0, 9)),
+    Specification(
+        "inertia",
+        "numbers",
+        [],
+        "inertia matrix by rows; unset: unknown [kg m^2]",
+        -1e9,
+        1e9,
+        lengths=(0, 9),
+    ),
     _number("normalized_tension", 0.0, "tension times duration^2 [1]", 0.0, 1e6),
-    _number("normalized_strength", 0.01,
-            "strength times duration^4 of ~/obstacles and of zones that set none [rad^4]",
-            1e-9, 1e3),
+    _number(
+        "normalized_strength",
+        0.01,
+        "strength times duration^4 of ~/obstacles and of zones that set none [rad^4]",
+        1e-9,
+        1e3,
+    ),
     _number("obstacle_radius", 0.0, "radius of the attitudes in ~/obstacles [rad]", 0.0, 3.1),
     Specification("zone_names", "texts", [], "names of the zones to watch", change="never"),
-    Specification("start.orientation", "numbers", [0.0, 0.0, 0.0, 1.0],
-                  "x, y, z, w: where a plan starts as long as no state has come [unit]",
-                  lengths=(4,)),
-    Specification("require_state", "flag", False,
-                  "refuse to plan before ~/state or ~/imu has come"),
-    Specification("goal.orientation", "numbers", [],
-                  "x, y, z, w: a goal to plan to at start-up; unset: none [unit]", lengths=(0, 4)),
+    Specification(
+        "start.orientation",
+        "numbers",
+        [0.0, 0.0, 0.0, 1.0],
+        "x, y, z, w: where a plan starts as long as no state has come [unit]",
+        lengths=(4,),
+    ),
+    Specification(
+        "require_state", "flag", False, "refuse to plan before ~/state or ~/imu has come"
+    ),
+    Specification(
+        "goal.orientation",
+        "numbers",
+        [],
+        "x, y, z, w: a goal to plan to at start-up; unset: none [unit]",
+        lengths=(0, 4),
+    ),
     _number("setpoint_rate", 50.0, "of the stream of setpoints [Hz]", 0.1, 1000.0),
-    Specification("trajectory_poses", "integer", 121, "poses in ~/trajectory and ~/reference [1]",
-                  2, 10000),
-    _number("planning_budget", 0.1, "deadline of a solve; a plan starts that far ahead [s]",
-            0.005, 60.0),
-    _number("replan_gain", 0.2, "relative gain in cost that justifies changing class [1]",
-            0.0, 1.0),
-    _number("tracking_bound", 0.02, "distance to the reference past which to warn [rad]",
-            1e-6, math.pi),
+    Specification(
+        "trajectory_poses", "integer", 121, "poses in ~/trajectory and ~/reference [1]", 2, 10000
+    ),
+    _number(
+        "planning_budget", 0.1, "deadline of a solve; a plan starts that far ahead [s]", 0.005, 60.0
+    ),
+    _number(
+        "replan_gain", 0.2, "relative gain in cost that justifies changing class [1]", 0.0, 1.0
+    ),
+    _number(
+        "tracking_bound", 0.02, "distance to the reference past which to warn [rad]", 1e-6, math.pi
+    ),
     _number("input_timeout", 1.0, "a stamp older than it is stale [s]", 1e-3, 1e6),
     Specification("autostart", "flag", True, "configure and activate by itself", change="never"),
     Specification("auto_execute", "flag", True, "fly a plan without asking for ~/execute"),
@@ -118,22 +153,42 @@ SPECIFICATIONS: tuple[Specification, ...] = (
 
 ZONE_SPECIFICATIONS: tuple[Specification, ...] = (
     _fixed("kind", "text", "keep_out", "keep_out or keep_in", choices=("keep_out", "keep_in")),
-    _fixed("boresight", "numbers", [],
-           "body axis that is kept out (in); unset: the planner's boresight [any length]",
-           lengths=(0, 3)),
+    _fixed(
+        "boresight",
+        "numbers",
+        [],
+        "body axis that is kept out (in); unset: the planner's boresight [any length]",
+        lengths=(0, 3),
+    ),
     _number("half_angle", 0.35, "of the cone [rad]", 0.0, 3.1),
     _fixed("group", "text", "", "keep-in group: inside at least one of its members; unset: none"),
-    _number("normalized_strength", 0.0,
-            "strength times duration^4; 0: the planner's normalized_strength [rad^4]", 0.0, 1e3),
-    Specification("direction", "numbers", [],
-                  "of the body in the reference frame, until a message comes [any length]",
-                  lengths=(0, 3)),
-    Specification("rate", "numbers", [],
-                  "angular velocity in the reference frame; unset: estimated from messages [rad/s]",
-                  -100.0, 100.0, lengths=(0, 3)),
+    _number(
+        "normalized_strength",
+        0.0,
+        "strength times duration^4; 0: the planner's normalized_strength [rad^4]",
+        0.0,
+        1e3,
+    ),
+    Specification(
+        "direction",
+        "numbers",
+        [],
+        "of the body in the reference frame, until a message comes [any length]",
+        lengths=(0, 3),
+    ),
+    Specification(
+        "rate",
+        "numbers",
+        [],
+        "angular velocity in the reference frame; unset: estimated from messages [rad/s]",
+        -100.0,
+        100.0,
+        lengths=(0, 3),
+    ),
     _number("timeout", 0.0, "age of data past which the zone grows; 0: never [s]", 0.0, 1e9),
-    _number("max_speed", 0.0, "at which the zone grows once its data is too old [rad/s]",
-            0.0, 100.0),
+    _number(
+        "max_speed", 0.0, "at which the zone grows once its data is too old [rad/s]", 0.0, 100.0
+    ),
 )
 
 

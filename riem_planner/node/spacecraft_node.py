@@ -39,30 +39,85 @@ def _fixed(
 
 
 SPECIFICATIONS = (
-    _fixed("inertia", "numbers", [0.0066666667, 0.0, 0.0, 0.0, 0.0418666667, 0.0,
-                                  0.0, 0.0, 0.0418666667],
-           "inertia matrix by rows, as the controller knows it [kg m^2]", lengths=(9,)),
-    _fixed("inertia_error", "number", 0.0,
-           "true inertia over the one that the controller knows, less 1 [1]", -0.9, 10.0),
-    _fixed("wheel_torque", "numbers", [0.001, 0.001, 0.001],
-           "largest torque of each wheel [N m]", 1e-12, 1e9, (3,)),
-    _fixed("wheel_momentum", "numbers", [0.01, 0.01, 0.01],
-           "largest momentum of each wheel [N m s]", 1e-12, 1e9, (3,)),
+    _fixed(
+        "inertia",
+        "numbers",
+        [0.0066666667, 0.0, 0.0, 0.0, 0.0418666667, 0.0, 0.0, 0.0, 0.0418666667],
+        "inertia matrix by rows, as the controller knows it [kg m^2]",
+        lengths=(9,),
+    ),
+    _fixed(
+        "inertia_error",
+        "number",
+        0.0,
+        "true inertia over the one that the controller knows, less 1 [1]",
+        -0.9,
+        10.0,
+    ),
+    _fixed(
+        "wheel_torque",
+        "numbers",
+        [0.001, 0.001, 0.001],
+        "largest torque of each wheel [N m]",
+        1e-12,
+        1e9,
+        (3,),
+    ),
+    _fixed(
+        "wheel_momentum",
+        "numbers",
+        [0.01, 0.01, 0.01],
+        "largest momentum of each wheel [N m s]",
+        1e-12,
+        1e9,
+        (3,),
+    ),
     _fixed("natural_frequency", "number", 1.0, "of the attitude controller [rad/s]", 1e-4, 1e3),
     _fixed("damping_ratio", "number", 1.0, "of the attitude controller [1]", 0.01, 100.0),
-    _fixed("attitude_noise", "number", 0.0,
-           "standard deviation of the measured attitude about each axis [rad]", 0.0, 1.0),
-    _fixed("rate_noise", "number", 0.0,
-           "standard deviation of each measured body rate [rad/s]", 0.0, 1.0),
+    _fixed(
+        "attitude_noise",
+        "number",
+        0.0,
+        "standard deviation of the measured attitude about each axis [rad]",
+        0.0,
+        1.0,
+    ),
+    _fixed(
+        "rate_noise",
+        "number",
+        0.0,
+        "standard deviation of each measured body rate [rad/s]",
+        0.0,
+        1.0,
+    ),
     _fixed("seed", "integer", 0, "of the noise [1]", 0, 2**31 - 1),
-    _fixed("step_rate", "number", 50.0, "of control, simulation and state messages [Hz]",
-           1.0, 1000.0),
-    _fixed("setpoint_timeout", "number", 0.5,
-           "a setpoint is extrapolated for so long, and the attitude then held [s]", 0.0, 1e6),
-    _fixed("start.orientation", "numbers", [0.0, 0.0, 0.0, 1.0],
-           "x, y, z, w at the start, held until a setpoint comes [unit]", lengths=(4,)),
-    _fixed("start.rate", "numbers", [0.0, 0.0, 0.0], "body rate at the start [rad/s]",
-           -100.0, 100.0, (3,)),
+    _fixed(
+        "step_rate", "number", 50.0, "of control, simulation and state messages [Hz]", 1.0, 1000.0
+    ),
+    _fixed(
+        "setpoint_timeout",
+        "number",
+        0.5,
+        "a setpoint is extrapolated for so long, and the attitude then held [s]",
+        0.0,
+        1e6,
+    ),
+    _fixed(
+        "start.orientation",
+        "numbers",
+        [0.0, 0.0, 0.0, 1.0],
+        "x, y, z, w at the start, held until a setpoint comes [unit]",
+        lengths=(4,),
+    ),
+    _fixed(
+        "start.rate",
+        "numbers",
+        [0.0, 0.0, 0.0],
+        "body rate at the start [rad/s]",
+        -100.0,
+        100.0,
+        (3,),
+    ),
     _fixed("reference_frame", "text", "inertial", "frame that setpoints must name"),
     _fixed("body_frame", "text", "base_link", "frame of the body, in state messages"),
 )
@@ -95,9 +150,7 @@ class SpacecraftNode(Node):
             torque_limit=values["wheel_torque"],
             momentum_limit=values["wheel_momentum"],
         )
-        self._controller = Controller(
-            inertia, values["natural_frequency"], values["damping_ratio"]
-        )
+        self._controller = Controller(inertia, values["natural_frequency"], values["damping_ratio"])
         self._noise = SensorNoise(values["attitude_noise"], values["rate_noise"])
         self._random = np.random.default_rng(values["seed"])
         self._frames = values["reference_frame"], values["body_frame"]
@@ -148,9 +201,7 @@ class SpacecraftNode(Node):
                 f"/riem_planner/setpoint rejected: {error}", throttle_duration_sec=1.0
             )
             return
-        self._target = Target(
-            samples.quaternions[0], samples.rates[0], samples.accelerations[0]
-        )
+        self._target = Target(samples.quaternions[0], samples.rates[0], samples.accelerations[0])
         self._target_ns = stamp_ns or self._now_ns()
 
     def _target_at(self, now_ns: int) -> Target:

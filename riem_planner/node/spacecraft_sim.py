@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import signal
 import sys
 import threading
@@ -9,6 +10,8 @@ from types import FrameType
 
 LOOK = 0.1
 """Longest time between two looks whether a signal has come [s]."""
+HUNG = 4.0
+"""Time after which an end that hangs is cut off, and where it hangs is told [s]."""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -43,6 +46,7 @@ def main(arguments: list[str] | None = None) -> int:
         while not stop.is_set():
             executor.spin_once(timeout_sec=LOOK)
     finally:
+        faulthandler.dump_traceback_later(HUNG, exit=True)
         executor.shutdown()
         node.destroy_node()
         rclpy.try_shutdown()

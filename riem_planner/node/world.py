@@ -124,9 +124,7 @@ class World:
     @property
     def moving(self) -> bool:
         """Whether a zone moves or grows, so that its place has to be looked at as time passes."""
-        return any(
-            zone.timeout > 0.0 or np.any(self._rate(zone)) for zone in self._settings.zones
-        )
+        return any(zone.timeout > 0.0 or np.any(self._rate(zone)) for zone in self._settings.zones)
 
     def age(self, name: str, now_ns: int) -> float | None:
         """Age of a zone's data [s]; None if no message has come."""

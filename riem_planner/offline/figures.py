@@ -231,8 +231,13 @@ def overview() -> Figure:
     )
     handles, labels = axes[1].get_legend_handles_labels()
     figure.legend(
-        [*handles, dot, square, cross], [*labels, "start", "goal", "obstacle q"],
-        loc="outside lower center", ncols=7, fontsize=8.5, frameon=False, columnspacing=1.2,
+        [*handles, dot, square, cross],
+        [*labels, "start", "goal", "obstacle q"],
+        loc="outside lower center",
+        ncols=7,
+        fontsize=8.5,
+        frameon=False,
+        columnspacing=1.2,
     )
     return figure
 
@@ -243,9 +248,7 @@ def table() -> list[Row]:
     for (t_q, tau), reference in _REPRODUCED.items():
         place, lift = paper.paper_obstacle(paper.CUBIC, t_q)
         curve = paper.paper_literal(paper.CUBIC, tau, lift)
-        rows.append(
-            Row("cubic", "paper literal", tau, t_q, curve.chord_distance(place), reference)
-        )
+        rows.append(Row("cubic", "paper literal", tau, t_q, curve.chord_distance(place), reference))
     for picture in PICTURES:
         example, name = picture.example, picture.free
         problem = paper.boundary_value_problem(example, 1.0)

@@ -180,8 +180,14 @@ def corrected(example: Example, strength: float, obstacle: Array | None = None) 
     too_fast.terminal = True  # type: ignore[attr-defined]
     start = np.concatenate([[0.0, 0.0, 0.0, 1.0], example.v, example.a, example.j])
     result = solve_ivp(
-        field, (0.0, example.duration), start, method="DOP853", events=too_fast,
-        dense_output=True, rtol=1e-11, atol=1e-11,
+        field,
+        (0.0, example.duration),
+        start,
+        method="DOP853",
+        events=too_fast,
+        dense_output=True,
+        rtol=1e-11,
+        atol=1e-11,
     )
     times = np.union1d(np.linspace(0.0, result.t[-1], 1501), result.t)
     q = result.sol(times)[:4].T
@@ -196,7 +202,11 @@ def boundary_value_problem(example: Example, strength: float | None = None) -> P
     Without a strength, the problem without the obstacle.
     """
     free = extremal(
-        S2, State(np.eye(3), example.v), example.a, example.j, tension=example.tension,
+        S2,
+        State(np.eye(3), example.v),
+        example.a,
+        example.j,
+        tension=example.tension,
         duration=example.duration,
     )
     R, v, _, _ = free.evaluate(np.array([example.obstacle_time, example.duration]))

@@ -223,9 +223,7 @@ def measure(pointing, table, sigma, times, states, defects, middles, costs, inte
 
 
 @kernel
-def newton(
-    pointing, table, sigma, times, states, goal, defects, given, gain, whole, step, left
-):
+def newton(pointing, table, sigma, times, states, goal, defects, given, gain, whole, step, left):
     """Newton step of the multiple-shooting equations.
 
     Parameters

@@ -34,8 +34,9 @@ class SplineMesh:
         share = np.concatenate([[0.0], 0.5 * (x + 1.0)])
         self.points = np.append((nodes[:-1, None] + h * share).ravel(), 1.0)
         self.weights = np.append((h * np.concatenate([[0.0], 0.5 * w])).ravel(), 0.0)
-        self.at_nodes = np.append(np.arange(nodes.size - 1) * (_GAUSS_POINTS + 1),
-                                  self.points.size - 1)
+        self.at_nodes = np.append(
+            np.arange(nodes.size - 1) * (_GAUSS_POINTS + 1), self.points.size - 1
+        )
         knots = np.concatenate([np.zeros(6), np.repeat(nodes[1:-1], 3), np.ones(6)])
         every = BSpline(knots, np.eye(knots.size - 6), _DEGREE)
         free = slice(2, -2)  # what is left out is not 0, or has a rate, at an end
@@ -62,8 +63,10 @@ class SplineMesh:
     def hessian(self, density: Array) -> Array:
         """Lower diagonals (18, unknowns) of the integral of second derivatives (m, 9, 9)."""
         m = self.points.size
-        blocks = bsr_matrix((self.weights[:, None, None] * density, np.arange(m),
-                             np.arange(m + 1)), shape=(9 * m, 9 * m))
+        blocks = bsr_matrix(
+            (self.weights[:, None, None] * density, np.arange(m), np.arange(m + 1)),
+            shape=(9 * m, 9 * m),
+        )
         whole = (self._map.T @ (blocks @ self._map)).tocsr()
         band = np.zeros((_BAND, self.unknowns))
         for k in range(min(_BAND, self.unknowns)):

@@ -201,8 +201,16 @@ def test_a_zone_that_comes_over_the_held_attitude_is_left_the_shortest_way():
     event = next(event for event in simulation.events if event.code == "WAY_OUT")
     assert "inside sun" in event.message
     margins = [
-        float(np.arccos(np.clip((so3.quaternion_to_matrix(s.quaternion)[:, 0]) @ place
-              / np.linalg.norm(place), -1, 1))) - 0.3
+        float(
+            np.arccos(
+                np.clip(
+                    (so3.quaternion_to_matrix(s.quaternion)[:, 0]) @ place / np.linalg.norm(place),
+                    -1,
+                    1,
+                )
+            )
+        )
+        - 0.3
         for s in simulation.setpoints[begin:]
     ]
     leaving = [m for m in margins if m <= 0.0]
@@ -287,9 +295,7 @@ def test_a_goal_with_a_rate_is_passed_at_that_rate_then_a_stop_follows():
     rate = np.array([0.0, 0.01, 0.02])
     simulation.goal(Z_TURN, rate)
     simulation.run(30.0)
-    passed = min(
-        simulation.setpoints, key=lambda s: so3.quaternion_distance(s.quaternion, Z_TURN)
-    )
+    passed = min(simulation.setpoints, key=lambda s: so3.quaternion_distance(s.quaternion, Z_TURN))
     assert np.linalg.norm(passed.rate - rate) < 1e-3
     assert simulation.doing() == "holding"
     assert not simulation.setpoints[-1].rate.any()

@@ -88,9 +88,7 @@ def test_goal_state_state_and_imu_are_taken(ros):
     bench = ros()
     bench.send("imu", geometry.imu_from_attitude(X_TURN, REST, _stamp(bench), BODY))
     bench.wait(lambda: bench.node.mission.measured is not None)
-    bench.send(
-        "goal_state", geometry.odometry_from_attitude(Z_TURN, REST, 0, (FRAME, BODY))
-    )
+    bench.send("goal_state", geometry.odometry_from_attitude(Z_TURN, REST, 0, (FRAME, BODY)))
     bench.wait(lambda: len(bench.heard["setpoint"]) > 2)
     assert so3.quaternion_distance(bench.setpoints()[0].quaternion, X_TURN) < 1e-3
     off = so3.quaternion_multiply(X_TURN, so3.quaternion_exp(np.array([0.1, 0.0, 0.0])))
@@ -340,8 +338,9 @@ def test_incompatible_peers_are_named(ros):
         1,
     )
     weak = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-    publisher = bench.client.create_publisher(type(geometry.pose_from_attitude(X_TURN, 0, FRAME)),
-                                              "/riem_planner/goal", weak)
+    publisher = bench.client.create_publisher(
+        type(geometry.pose_from_attitude(X_TURN, 0, FRAME)), "/riem_planner/goal", weak
+    )
     bench.wait(lambda: any("~/goal" in w and "RELIABILITY" in w for w in warnings))
     bench.client.destroy_publisher(publisher)
 

@@ -35,12 +35,15 @@ CONFIG = Path(__file__).resolve().parents[2] / "config"
 Z_TURN = so3.quaternion_exp(np.array([0.0, 0.0, 1.2]))
 
 
-def _start(*arguments, **variables):
+def _start(*arguments, command=("-m", "riem_planner.node.main"), **variables):
     path = os.pathsep.join([os.getcwd(), *sys.path[1:]])
     environment = {**os.environ, "PYTHONPATH": path, **variables}
-    command = [sys.executable, "-m", "riem_planner.node.main", "--ros-args", *arguments]
     return subprocess.Popen(
-        command, env=environment, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True
+        [sys.executable, *command, "--ros-args", *arguments],
+        env=environment,
+        stderr=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        text=True,
     )
 
 
@@ -223,3 +226,17 @@ def test_an_unknown_parameter_is_reported():
     node.send_signal(signal.SIGTERM)
     node.communicate(timeout=10.0)
     assert "did you mean duration?" in line
+
+
+def test_an_end_that_hangs_is_cut_off_and_told():
+    hangs = (
+        "import sys, time; from riem_planner.node import main, planner_node; main.HUNG = 0.5;"
+        "planner_node.PlannerNode.close = lambda _: time.sleep(60.0); sys.exit(main.main())"
+    )
+    node = _start(command=["-c", hangs])
+    assert node.stderr.readline(), "no log"
+    node.send_signal(signal.SIGTERM)
+    _, log = node.communicate(timeout=30.0)
+    assert node.returncode == 1
+    assert "Timeout" in log
+    assert "main.py" in log  # where

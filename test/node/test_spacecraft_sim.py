@@ -58,9 +58,13 @@ class Stage:
         )
         self.message = SetpointMessage(*FRAMES)
         self.now_ns = BEGIN_NS
-        self.wait(lambda: self.clock.get_subscription_count() > 0
-                  and self.setpoints.get_subscription_count() > 0
-                  and self.node.count_subscribers("/riem_planner/state") > 0)
+        self.wait(
+            lambda: (
+                self.clock.get_subscription_count() > 0
+                and self.setpoints.get_subscription_count() > 0
+                and self.node.count_subscribers("/riem_planner/state") > 0
+            )
+        )
 
     def wait(self, condition, seconds=10.0):
         end = time.monotonic() + seconds
@@ -182,8 +186,12 @@ def test_noise_follows_its_seed(stage):
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("inertia", [1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0]), ("wheel_torque", [1.0, 2.0]),
-     ("step_rate", 0.0), ("start__orientation", [0.0, 0.0, 0.0, 0.5])],
+    [
+        ("inertia", [1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0]),
+        ("wheel_torque", [1.0, 2.0]),
+        ("step_rate", 0.0),
+        ("start__orientation", [0.0, 0.0, 0.0, 0.5]),
+    ],
 )
 def test_a_wrong_parameter_is_refused_by_name(stage, name, value):
     with pytest.raises(InvalidProblemError, match=name.split("__")[-1]):
@@ -202,8 +210,14 @@ def test_every_parameter_is_described_with_its_range(stage):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_it_with_code_zero(number):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([os.getcwd(), *sys.path[1:]])}
-    command = [sys.executable, "-m", "riem_planner.node.spacecraft_sim", "--ros-args",
-               "-p", "step_rate:=100.0"]
+    command = [
+        sys.executable,
+        "-m",
+        "riem_planner.node.spacecraft_sim",
+        "--ros-args",
+        "-p",
+        "step_rate:=100.0",
+    ]
     process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
     assert "spacecraft_sim" in process.stderr.readline()  # it says that it has begun
     begin = time.monotonic()
