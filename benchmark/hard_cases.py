@@ -127,9 +127,7 @@ def on_path(index: int) -> Case:
     return _named("on-path", index, draw.add_obstacles(rng, case, kind, count))
 
 
-def _put_cone_on_path(
-    rng: np.random.Generator, case: Case, obstacle: Case, place: Array
-) -> None:
+def _put_cone_on_path(rng: np.random.Generator, case: Case, obstacle: Case, place: Array) -> None:
     """Let a body axis that keeps clear of it at both ends meet its direction on the way."""
     while True:
         boresight = draw.random_direction(rng)

@@ -32,6 +32,7 @@ print(json.dumps([imported - begin, solved - imported, peak, solution.solved]))
 def _first_solve(cache: str | None) -> tuple[float, float, float]:
     """Seconds to import, seconds to the first answer after that, peak memory [MB]."""
     environment = dict(os.environ)
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # as where it is used
     if cache is not None:
         environment["NUMBA_CACHE_DIR"] = cache
     root = Path(__file__).resolve().parent.parent

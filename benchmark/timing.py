@@ -78,6 +78,4 @@ def interleaved(methods: Sequence[Method]) -> list[Timed]:
                         seconds[m][i, turn] = time.perf_counter() - begin
     finally:
         gc.enable()
-    return [
-        Timed(method.name, seconds[m], values[m]) for m, method in enumerate(methods)
-    ]
+    return [Timed(method.name, seconds[m], values[m]) for m, method in enumerate(methods)]

@@ -21,8 +21,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 from riem_planner.errors import InvalidProblemError, RiemPlannerError
 from riem_planner.geometry import so3
@@ -249,6 +247,8 @@ def integrate(
     ExtremalEndsError
         The solution could not be continued to the end.
     """
+    from scipy.integrate import solve_ivp  # slow to load, and not needed to solve
+
     options: dict[str, float] = {"rtol": max(tolerance, 3e-14), "atol": tolerance}
     if step is not None:
         h = positive_number("step", step)
@@ -352,6 +352,8 @@ def first_biconjugate_time(curvature: float, tension: float) -> float:
     def odd(T: float) -> float:
         S, C = math.sin(a * T / 2), math.cos(a * T / 2)
         return a * C * math.sin(b * T / 2) - b * S * math.cos(b * T / 2)
+
+    from scipy.optimize import brentq  # slow to load, and seldom needed
 
     # For sigma > k the odd ones come later: b tan x = a tanh(b x / a) has no root below pi.
     factors = (even,) if sigma > k else (even, odd)

@@ -181,6 +181,8 @@ def warm_up(notify: Callable[[str], None] | None = None) -> None:
     notify
         Receives a message if compilation takes a while.
     """
+    import riem_planner.solver.roadmap  # noqa: F401  what else loads when it is first needed
+
     with announced(notify or (lambda _: None)):
         _load_kernels()
 

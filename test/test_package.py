@@ -118,8 +118,17 @@ assert not [name for name in sys.modules if name.endswith("_msgs") or name == "r
 """
 
 
-def test_core_plans_where_ros_cannot_be_imported():
-    code = BLOCKED.format(ros=repr(set(ROS_FREE)))
+LIGHT = """
+import sys, riem_planner as planner
+start, goal = (planner.State.from_quaternion_xyzw([0, 0, s, c]) for s, c in ((0, 1), (0.6, 0.8)))
+planner.plan(planner.Problem(start, goal, 10.0))
+slow = {"scipy.integrate", "scipy.optimize", "scipy.spatial", "matplotlib"} & {*sys.modules}
+assert not slow, slow
+"""
+
+
+@pytest.mark.parametrize("code", [BLOCKED.format(ros=repr(set(ROS_FREE))), LIGHT])
+def test_core_plans_without_ros_and_without_what_is_slow_to_import(code):
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False
     )

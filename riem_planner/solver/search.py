@@ -16,7 +16,6 @@ from riem_planner.geometry import so3
 from riem_planner.obstacles.table import RADIUS
 from riem_planner.solver import curves
 from riem_planner.solver.descent import MEMORY, descend
-from riem_planner.solver.roadmap import roadmap_curves
 from riem_planner.solver.setup import Setup
 from riem_planner.solver.watch import Watch
 from riem_planner.trajectory import Trajectory
@@ -310,6 +309,8 @@ def _turn_to(q: Array, target: Array) -> Array:
 
 def roadmap_search(setup: Setup, watch: Watch) -> Search:
     """Minima near shortest paths over a grid, for clutter where every smooth guess fails."""
+    from riem_planner.solver.roadmap import roadmap_curves  # slow to load, and seldom needed
+
     times, paths = roadmap_curves(setup, watch)
     found = Search(setup, watch, times)
     for q in paths:

@@ -15,16 +15,12 @@ decaying solutions apart, so that no interval's growth ever enters a solve.
 from __future__ import annotations
 
 import numpy as np
-from scipy.integrate import DOP853
 
 from riem_planner.compiled import inlined, kernel
 from riem_planner.geometry.quaternions import ratio, relative, rotated, turn
 from riem_planner.obstacles.potential import first_derivatives, potential
+from riem_planner.solver.dop853 import NODES, STAGE_WEIGHTS, STAGES, WEIGHTS
 
-_STAGES = 12
-_A = np.ascontiguousarray(DOP853.A[:_STAGES, :_STAGES])
-_B = np.ascontiguousarray(DOP853.B)
-_C = np.ascontiguousarray(DOP853.C[:_STAGES])
 _COLUMNS = 8  # a basis of at most 6, and two particular solutions
 _SIZE = 12 * _COLUMNS
 _SINGULAR = 1e-7  # of the greatest pivot
@@ -125,9 +121,9 @@ def _linearised(pointing, sigma, y, dF, W, out):
 def _workspace():
     """Stages and stage values of the state and of the perturbations; the force's derivative."""
     return (
-        np.zeros((_STAGES, _WIDTH)),
+        np.zeros((STAGES, _WIDTH)),
         np.empty(_WIDTH),
-        np.empty((_STAGES, _SIZE)),
+        np.empty((STAGES, _SIZE)),
         np.empty(_SIZE),
         np.empty((3, 3)),
     )
@@ -137,26 +133,26 @@ def _workspace():
 def _step(pointing, table, sigma, time, h, y, W, linear, work):
     """One Runge-Kutta step of the state y (16,) and, if `linear`, the perturbations W, in place."""
     k, stage, kW, stage_W, dF = work
-    for s in range(_STAGES):
+    for s in range(STAGES):
         for i in range(_WIDTH):
             stage[i] = y[i]
         for r in range(s):
-            f = h * _A[s, r]
+            f = h * STAGE_WEIGHTS[s, r]
             if f != 0.0:
                 for i in range(_WIDTH):
                     stage[i] += f * k[r, i]
-        _derivative(pointing, table, sigma, time + _C[s] * h, stage, linear, dF, k[s])
+        _derivative(pointing, table, sigma, time + NODES[s] * h, stage, linear, dF, k[s])
         if linear:
             for i in range(_SIZE):
                 stage_W[i] = W[i]
             for r in range(s):
-                f = h * _A[s, r]
+                f = h * STAGE_WEIGHTS[s, r]
                 if f != 0.0:
                     for i in range(_SIZE):
                         stage_W[i] += f * kW[r, i]
             _linearised(pointing, sigma, stage, dF, stage_W, kW[s])
-    for r in range(_STAGES):
-        f = h * _B[r]
+    for r in range(STAGES):
+        f = h * WEIGHTS[r]
         if f != 0.0:
             for i in range(_WIDTH):
                 y[i] += f * k[r, i]
