@@ -364,8 +364,10 @@ def published(problem: Problem, setup: Setup, extremal: Extremal) -> Trajectory:
         q = so3.quaternion_multiply(q, so3.quaternion_conjugate(setup.body))
         v, a = v @ back, a @ back
     # Neighbours of opposite sign are the same turn: keep the sign continuous.
-    flips = np.cumprod(np.where(np.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0))
-    q = np.concatenate([q[:1], flips[:, None] * q[1:]])
+    flips = np.einsum("ij,ij->i", q[1:], q[:-1]) < 0.0
+    if flips.any():
+        signs = np.cumprod(np.where(flips, -1.0, 1.0))
+        q = np.concatenate([q[:1], signs[:, None] * q[1:]])
     times = extremal.times * T
     times[-1] = T
     return Trajectory(times, q, v, a)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from riem_planner.compiled import inlined, kernel
-from riem_planner.geometry.quaternions import relative, turn
+from riem_planner.geometry.quaternions import ratio, relative, turn
 from riem_planner.obstacles.potential import CUT_WIDTH, potential, towards
 from riem_planner.obstacles.table import GROUP, RADIUS, RANGE_ON, RATE
 
@@ -180,6 +180,31 @@ def guess(q_start, rate_start, xi_end, rate_end, times, q):
         for i in range(3):
             xi[i] = a * rate_start[i] + b * xi_end[i] + c * rate_end[i]
         turn(q_start, xi, 1.0, q[k])
+
+
+@kernel
+def meet_ends(pointing, start, goal, times, q):
+    """Turn a curve (N + 1, 4) smoothly to meet a start and a goal (7,), in place."""
+    at_start, at_goal, delta = np.empty(3), np.empty(3), np.empty(3)
+    relative(q[0], start, at_start)
+    if pointing:
+        to_goal = np.empty(4)
+        ratio(q[-1], goal, to_goal)
+        a, b, d, w = to_goal[0], to_goal[1], to_goal[2], to_goal[3]
+        y0, y1, y2 = 2 * (a * d + w * b), 2 * (b * d - w * a), w * w - a * a - b * b + d * d
+        size = np.sqrt(y0 * y0 + y1 * y1)
+        f = np.arctan2(size, y2) / size if size > 0.0 else 1.0
+        at_goal[0], at_goal[1], at_goal[2] = -f * y1, f * y0, 0.0
+    else:
+        relative(q[-1], goal, at_goal)
+    for k in range(times.size):
+        s = times[k]
+        share = s * s * (3.0 - 2.0 * s)
+        for i in range(3):
+            delta[i] = (1.0 - share) * at_start[i] + share * at_goal[i]
+        turn(q[k], delta, 1.0, q[k])
+    for i in range(4):
+        q[0, i] = start[i]
 
 
 @kernel

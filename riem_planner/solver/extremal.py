@@ -107,10 +107,10 @@ def _on_mesh(
     for _ in range(_MOST_NEWTON_STEPS):
         near = size < _NEAR
         if near:
-            shooting.measure(*fixed, defects, middles, costs, interpolation)
-            if np.inf in costs:
+            before = residual
+            residual = shooting.measure(*fixed, defects, middles, costs, interpolation)
+            if residual == np.inf:
                 return None  # it runs through an obstacle
-            before, residual = residual, float(np.abs(defects).max())
             stalled = residual > 0.5 * before and residual < _ROUNDING
             if polished and (sensitivity * residual <= 0.1 * tolerance or stalled):
                 break

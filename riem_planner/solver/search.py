@@ -286,25 +286,13 @@ def local_search(setup: Setup, watch: Watch, warm_start: Trajectory | None) -> S
 
 def warm_guess(setup: Setup, trajectory: Trajectory, times: Array) -> Array:
     """A trajectory at normalised times, turned at both ends to meet the problem's states."""
-    physical = np.clip(times * trajectory.duration, 0.0, trajectory.duration)
-    q = so3.quaternion_multiply(trajectory.evaluate_quaternion(physical)[0], setup.body)
-    at_start = _turn_to(q[0], setup.start[:4])
+    q = trajectory.evaluate_quaternion(
+        np.minimum(times * trajectory.duration, trajectory.duration)
+    )[0]
     if setup.pointing:
-        to_goal = so3.quaternion_to_matrix(
-            so3.quaternion_multiply(so3.quaternion_conjugate(q[-1]), setup.goal[:4])
-        )[:, 2]
-        at_goal = so3.quaternion_log(so3.minimal_rotation(np.array([0.0, 0.0, 1.0]), to_goal))
-    else:
-        at_goal = _turn_to(q[-1], setup.goal[:4])
-    blend = (times * times * (3.0 - 2.0 * times))[:, None]
-    correction = so3.quaternion_exp((1.0 - blend) * at_start + blend * at_goal)
-    q = np.ascontiguousarray(so3.quaternion_multiply(q, correction))
-    q[0] = setup.start[:4]
+        q = so3.quaternion_multiply(q, setup.body)
+    curves.meet_ends(setup.pointing, setup.start, setup.goal, times, q)
     return setup.with_goal(q)
-
-
-def _turn_to(q: Array, target: Array) -> Array:
-    return so3.quaternion_log(so3.quaternion_multiply(so3.quaternion_conjugate(q), target))
 
 
 def roadmap_search(setup: Setup, watch: Watch) -> Search:

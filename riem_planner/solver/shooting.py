@@ -189,8 +189,13 @@ def measure(pointing, table, sigma, times, states, defects, middles, costs, inte
         Out: cost of each interval.
     interpolation : (M,)
         Out: estimated error of the quintics through all these states [rad].
+
+    Returns
+    -------
+    The largest component of the defects; infinite where the states run through an obstacle.
     """
     work = _workspace()
+    largest = 0.0
     y, W = np.zeros(_WIDTH), np.empty(1)
     first = work[0][0]
     bend = np.empty(3)
@@ -216,6 +221,11 @@ def measure(pointing, table, sigma, times, states, defects, middles, costs, inte
         interpolation[k] = h**4 / 46080.0 * size
         _difference(y, states[k + 1], defects[k])
         costs[k] = y[STATE]
+        for i in range(12):
+            largest = max(largest, abs(defects[k, i]))
+        if not costs[k] < np.inf:
+            return np.inf
+    return largest
 
 
 @kernel
