@@ -19,10 +19,10 @@ from riem_planner.errors import PlanningError
 from riem_planner.geometry import so3
 from riem_planner.limits import Limits
 from riem_planner.obstacles import OrientationObstacle, Zone
-from riem_planner.obstacles.potential import rounding, row_margins
+from riem_planner.obstacles.potential import margins_along, rounding, row_margins
 from riem_planner.problem import S2, SO3, Problem, State
 from riem_planner.solution import Alternative, Solution, Status
-from riem_planner.solver.curves import crosses_cut
+from riem_planner.solver.curves import crosses_cut, shift_end
 from riem_planner.solver.descent import positive_definite
 from riem_planner.solver.extremal import Extremal, extremal_near
 from riem_planner.solver.search import (
@@ -48,6 +48,10 @@ _FINER = (0.3, 0.12, 0.12, 0.12)
 _ROADMAP_TIME = 0.5  # s that the last resort may take
 _INERTIA_NODES = 100  # about as many as decide whether an extremal is a minimum
 _CUT_SAMPLES = 100  # an interval, for the part of the cost that rounding the cut locus hides
+_NOTE_FAMILY = (
+    "one of many ways of nearly equal cost round an obstacle; which of them is cheapest was not"
+    " determined, so that no error is stated; the certificate holds all the same"
+)
 _NOTE_CUT = (
     "the trajectory passes the cut locus of an obstacle (distance pi), where the plain potential"
     " has a kink: it is an extremal of the potential rounded within 0.1 rad of it; give the"
@@ -197,7 +201,12 @@ def _load_kernels() -> None:
     away = OrientationObstacle(so3.exp([0.0, 0.0, -2.0]), normalized_strength=0.01)
     for space, obstacles in ((SO3, (zone, away)), (S2, (zone,))):
         problem = Problem(start, goal, 1.0, space, obstacles=obstacles, limits=limits)
-        _solve(problem, Watch(None, None), 1e-8, None, False)
+        solution = _solve(problem, Watch(None, None), 1e-8, None, False)
+        _solve(problem, Watch(None, None), 1e-8, solution.trajectory, True)
+    # What only few problems need.
+    setup = set_up(problem)
+    shift_end(np.array([0.0, 1.0]), np.ones((2, 13)), setup.goal)
+    margins_along(setup.table, 0.0, np.ones((1, 4)))
 
 
 def _solve(
@@ -248,7 +257,7 @@ def _best(
         extremal = _extremal(setup, found, curve, finer, tolerance, watch)
         if extremal is not None and not any(_same(extremal, other) for other in extremals):
             extremals.append(extremal)
-    extremals.sort(key=lambda extremal: extremal.cost)
+    extremals.sort(key=lambda extremal: extremal.cost * (1.0 + extremal.cost_error))
     certified: list[tuple[Extremal, Trajectory, Any]] = []
     refused = None
     for extremal in extremals:
@@ -277,7 +286,9 @@ def _best(
     if crosses_cut(setup.table, best.times, best.states).any():
         notes.append(_NOTE_CUT)
     converged = best.error <= tolerance and best.cost_error <= tolerance
-    if not converged:
+    if not np.isfinite(best.error):
+        notes.append(_NOTE_FAMILY)
+    elif not converged:
         notes.append(
             f"the tolerance {tolerance:.1e} was not reached: error {best.error:.1e} rad, relative"
             f" cost error {best.cost_error:.1e}; the certificate holds all the same"

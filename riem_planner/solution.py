@@ -64,7 +64,8 @@ class Solution:
     cost
         `1/2 int (|a|^2 + sigma |v|^2 + sum V_i) dt` of the problem as stated [rad^2/s^3].
     trajectory_error, cost_error
-        Estimated distance to the exact extremal [rad], and relative error of the cost.
+        Estimated distance to the exact extremal [rad], and relative error of the cost. The former
+        is infinite where many ways cost nearly the same and the cheapest was not determined.
     local_minimum
         Whether the second variation is positive definite, so not where the trajectory is one of a
         family of equal cost; None where it was not computed.

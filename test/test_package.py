@@ -193,3 +193,23 @@ def test_every_picture_and_page_that_is_linked_is_there(page):
         cwd=ROOT, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert not ignored.stdout
+
+
+COLD = """
+import sys, riem_planner, riem_planner.escape, riem_planner.solver.roadmap
+riem_planner.warm_up()
+for module, found in {**sys.modules}.items():
+    for name, kernel in vars(found).items() if module.startswith("riem_planner") else ():
+        if getattr(kernel, "__module__", "") == module and hasattr(kernel, "overloads"):
+            if "no_cpython_wrapper" not in kernel.targetoptions and not kernel.overloads:
+                print(name)
+"""
+
+
+def test_warm_up_leaves_nothing_to_compile_later():
+    done = subprocess.run(
+        [sys.executable, "-c", COLD], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    # What only other compiled code calls.
+    inner = "potential first_derivatives towards assemble kinetic_stencil factor substitute"
+    assert {*done.stdout.split()} <= {*inner.split()}

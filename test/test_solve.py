@@ -11,7 +11,7 @@ from benchmark.cases import load, problem_of
 from benchmark.cost import faults, trajectory_cost
 from benchmark.hard import judged
 from benchmark.hard_cases import makers, sealed
-from benchmark.random_cases import random_cases
+from benchmark.random_cases import random_cases, random_direction
 from riem_planner import (
     S2,
     SO3,
@@ -20,6 +20,7 @@ from riem_planner import (
     Problem,
     State,
     Status,
+    Trajectory,
     Zone,
     certify,
     plan,
@@ -461,6 +462,36 @@ def test_one_of_a_family_of_ways_round_an_obstacle_on_the_axis_is_solved_to_tole
     R = solution.trajectory.evaluate(np.array([0.5]))[0][0]
     other = so3.log(turned @ R @ turned.T)
     assert np.linalg.norm(other - so3.log(R)) > 0.05  # it does go round
+
+
+def test_an_obstacle_that_appears_on_the_path_is_gone_round_at_once():
+    # Nearly a family of ways of one cost: only the rate across the slew tells them apart.
+    rng = np.random.default_rng(0)
+    undetermined = 0
+    for k in range(80):
+        end = rng.uniform(0.8, 2.0) * random_direction(rng)
+        start = State(np.eye(3), 0.02 * rng.normal(size=3))
+        flying = solve(Problem(start, State(so3.exp(end)), 10.0)).trajectory
+        begin = 0.65
+        (R, middle), (v, _), _ = flying.evaluate([begin, 0.5 * (begin + 10.0)])
+        obstacle = OrientationObstacle(middle, normalized_strength=0.01, radius=0.1)
+        goal = State(so3.exp(end))
+        problem = Problem(State(R, v), goal, 10.0 - begin, obstacles=(obstacle,))
+        times = np.linspace(begin, 10.0, 60)
+        rest = Trajectory(times - begin, *flying.evaluate_quaternion(times))
+        solution = solve(problem, warm_start=rest, search="local")
+        assert solution.solved, (k, solution.message)
+        price = trajectory_cost(problem, solution.trajectory)
+        error = max(solution.cost_error, 1e-7)
+        assert price == pytest.approx(solution.cost, rel=error)
+        if not solution.converged:
+            undetermined += 1
+            assert solution.trajectory_error == np.inf
+            assert solution.cost_error < 1e-3
+            assert "many ways" in solution.message
+            best = solve(problem)
+            assert solution.cost < best.cost * (1.0 + 1e-3)
+    assert 0 < undetermined < 20
 
 
 def test_the_antipode_is_reached_on_the_sphere_and_not_mistaken():

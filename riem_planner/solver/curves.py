@@ -208,6 +208,45 @@ def meet_ends(pointing, start, goal, times, q):
 
 
 @kernel
+def shift_end(times, states, goal):
+    """Turn states (n, 13) on SO(3) smoothly so that the last one has the goal's attitude and rate.
+
+    To first order in what is amiss. Returns what that adds to the cost, from the momenta -j and a.
+    """
+    n = times.size - 1
+    turned, faster = np.empty(3), np.empty(3)
+    relative(states[n], goal, turned)
+    v, a, j = states[n, 4:7].copy(), states[n, 7:10].copy(), states[n, 10:13].copy()
+    cost = 0.0
+    for i in range(3):
+        k, m = (i + 1) % 3, (i + 2) % 3
+        amiss = goal[4 + i] - v[i]
+        faster[i] = amiss + turned[k] * v[m] - turned[m] * v[k]
+        cost += a[i] * amiss - j[i] * turned[i]
+    c = np.empty((3, 3))
+    for k in range(n + 1):
+        s = times[k]
+        for i in range(3):
+            c[0, i] = s * s * ((3.0 - 2.0 * s) * turned[i] + (s - 1.0) * faster[i])
+            c[1, i] = s * (6.0 * (1.0 - s) * turned[i] + (3.0 * s - 2.0) * faster[i])
+            c[2, i] = (6.0 - 12.0 * s) * turned[i] + (6.0 * s - 2.0) * faster[i]
+        v[:], a[:] = states[k, 4:7], states[k, 7:10]
+        turn(states[k], c[0], 1.0, states[k])
+        for i in range(3):
+            m, o = (i + 1) % 3, (i + 2) % 3
+            # exp(-c) v + c', and its derivative.
+            states[k, 4 + i] += c[1, i] - (c[0, m] * v[o] - c[0, o] * v[m])
+            states[k, 7 + i] += (
+                c[2, i] - (c[1, m] * v[o] - c[1, o] * v[m]) - (c[0, m] * a[o] - c[0, o] * a[m])
+            )
+    for i in range(4):
+        states[n, i] = goal[i]
+    for i in range(3):
+        states[n, 4 + i] = goal[4 + i]
+    return cost
+
+
+@kernel
 def reflect(pointing, table, i, times, q, out):
     """Move a curve across obstacle i, to the same distance on its other side.
 

@@ -8,13 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riem_planner.solver import shooting
-from riem_planner.solver.curves import crosses_cut, mesh_and_states
+from riem_planner.solver.curves import crosses_cut, mesh_and_states, shift_end
 from riem_planner.solver.setup import Setup
 from riem_planner.solver.watch import Watch
 
 Array = NDArray[np.float64]
 
 _MOST_NEWTON_STEPS = 16
+_VALLEY, _VALLEY_STEPS = 0.03, 6  # rad, along what is nearly a family of extremals
+_MOST_MISSED = 1e-3  # of the goal's conditions, by one of a family
 _DIVERGED = 2.5  # rad of one Newton step
 _NEAR = 0.03  # rad; below it the defects are measured by half steps
 _MOST_MESHES = 6
@@ -42,7 +44,8 @@ class Extremal:
     cost
         Normalised.
     error, cost_error
-        Estimates [rad], and relative.
+        Estimates [rad], and relative. The error is infinite for one of a near family of extremals
+        that was turned to meet the goal: which of them is the solution is not known.
     """
 
     times: Array
@@ -77,7 +80,9 @@ def extremal_near(
     result = None
     far = np.inf
     for _ in range(_MOST_MESHES):
-        refined = _on_mesh(setup, mesh, states, far, tolerance, watch)
+        refined = _on_mesh(setup, mesh, states.copy(), far, tolerance, watch)
+        if refined is None and result is None and not setup.pointing:
+            refined = _on_mesh(setup, mesh, states, far, tolerance, watch, valley=_VALLEY)
         if refined is None:
             return result
         result, split = refined
@@ -89,11 +94,19 @@ def extremal_near(
 
 
 def _on_mesh(
-    setup: Setup, mesh: Array, states: Array, far: float, tolerance: float, watch: Watch
+    setup: Setup,
+    mesh: Array,
+    states: Array,
+    far: float,
+    tolerance: float,
+    watch: Watch,
+    valley: float = np.inf,
 ) -> tuple[Extremal, NDArray[np.bool_]] | None:
     """Solve on a mesh; the extremal at nodes and half-way, and which intervals to bisect.
 
-    `far` is how far [rad] the states are from it, roughly.
+    `far` is how far [rad] the states are from it, roughly, and `valley` how long a step may be
+    along what is nearly a family of extremals; after a few steps one of the family that
+    nearly meets the goal has to do.
     """
     M = mesh.size - 1
     fixed = (setup.pointing, setup.table, setup.sigma, mesh, states)
@@ -104,7 +117,8 @@ def _on_mesh(
     residual, sensitivity = np.inf, 1.0
     gain, local, difference = np.zeros(M), np.zeros((M, 12)), np.zeros(M)
     polished, missed = False, 0.0
-    for _ in range(_MOST_NEWTON_STEPS):
+    limited, held = valley < np.inf, False
+    for count in range(_MOST_NEWTON_STEPS):
         near = size < _NEAR
         if near:
             before = residual
@@ -112,18 +126,21 @@ def _on_mesh(
             if residual == np.inf:
                 return None  # it runs through an obstacle
             stalled = residual > 0.5 * before and residual < _ROUNDING
-            if polished and (sensitivity * residual <= 0.1 * tolerance or stalled):
+            met = missed <= tolerance or held
+            if polished and met and (sensitivity * residual <= 0.1 * tolerance or stalled):
                 break
             if not polished:
                 crossing = crosses_cut(setup.table, mesh, states).any(axis=0)
                 gain = np.where(crossing, 1.0 / _HALVING_AT_CUT, 1.0 / _HALVING)
         watch.count()
-        missed = shooting.newton(*fixed, setup.goal, defects, near, gain, whole, step, left)
+        held = limited and count >= _VALLEY_STEPS
+        most = 0.0 if held else valley
+        missed = shooting.newton(*fixed, setup.goal, defects, near, gain, most, whole, step, left)
         if missed == np.inf:
             return None
         previous = size
         size = shooting.advance(states, step, 1.0)
-        if not size < _DIVERGED or (size > 4.0 * previous and previous < np.inf):
+        if not size < _DIVERGED or size > 4.0 * (max(previous, valley) if limited else previous):
             return None
         if near:
             # What halving the steps changes; it hardly depends on the states.
@@ -133,8 +150,8 @@ def _on_mesh(
             sensitivity = max(1.0, size / max(residual, 1e-300))
     else:
         return None
-    if missed > tolerance:
-        return None  # nearly a family, and the goal needs another one of it
+    if missed > (_MOST_MISSED if held else tolerance):
+        return None
     cost = float(costs.sum())
     # What the half steps' own errors make of the solution, and the defects that are left.
     own = float(np.linalg.norm(left[:, :3], axis=1).max())
@@ -146,6 +163,10 @@ def _on_mesh(
     samples[::2], samples[1::2] = states, middles
     times = np.empty(2 * M + 1)
     times[::2], times[1::2] = mesh, 0.5 * (mesh[1:] + mesh[:-1])
+    if missed > tolerance:
+        added = shift_end(times, samples, setup.goal)
+        cost_error += _SAFETY * abs(added) / cost
+        return Extremal(times, samples, cost + added, np.inf, cost_error), np.zeros(M, dtype=bool)
     split = between > 0.5 * tolerance
     if discretisation > 0.5 * tolerance:
         share = gain * np.linalg.norm(local * _EFFECT, axis=1)

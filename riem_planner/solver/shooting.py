@@ -23,7 +23,12 @@ from riem_planner.solver.dop853 import NODES, STAGE_WEIGHTS, STAGES, WEIGHTS
 
 _COLUMNS = 8  # a basis of at most 6, and two particular solutions
 _SIZE = 12 * _COLUMNS
-_SINGULAR = 1e-7  # of the greatest pivot
+# Of the greatest pivot: what is weak is nearly singular; what is singular is left open, and where
+# the goal does not allow that, only what is nothing.
+_WEAK, _SINGULAR, _NOTHING = 1e-2, 1e-7, 1e-12
+_MET = 1e-8  # of the goal's conditions
+_SETTLED = 1e-4  # rad of a step, below which what weak pivots decide is worth a look
+_LEVER = 1.0  # of a step, that it may else turn by that
 STATE = 13  # quaternion, v, a, j
 _WIDTH = 16  # with the cost, and padding for the vector unit
 
@@ -229,7 +234,9 @@ def measure(pointing, table, sigma, times, states, defects, middles, costs, inte
 
 
 @kernel
-def newton(pointing, table, sigma, times, states, goal, defects, given, gain, whole, step, left):
+def newton(
+    pointing, table, sigma, times, states, goal, defects, given, gain, valley, whole, step, left
+):
     """Newton step of the multiple-shooting equations.
 
     Parameters
@@ -242,6 +249,9 @@ def newton(pointing, table, sigma, times, states, goal, defects, given, gain, wh
         Used where `given`, else overwritten by those of whole steps.
     gain : (M,)
         Share of the given defects' difference to those of whole steps that is their own error.
+    valley
+        The most that the step may turn by what is nearly undetermined [rad]; without a limit
+        where infinite.
     whole : (M, 13)
         Out: defects of whole steps, and the cost of each interval.
     step : (M + 1, 12)
@@ -251,8 +261,8 @@ def newton(pointing, table, sigma, times, states, goal, defects, given, gain, wh
 
     Returns
     -------
-    What the step leaves of the goal's conditions, 0 but for a family of extremals; infinite if
-    there is no step.
+    What the step leaves of the goal's conditions, 0 but where extremals are a family, or nearly;
+    infinite if there is no step.
     """
     M = times.size - 1
     columns = 4 if pointing else 6
@@ -323,38 +333,76 @@ def newton(pointing, table, sigma, times, states, goal, defects, given, gain, wh
     G = np.zeros((6, 12))
     g = np.zeros(6)
     _goal_conditions(pointing, states[M], goal, G, g)
+    beta, system = _end_system(columns, G, g, Y[M], z[M, 0])
+    without = beta.copy()
+    limited = valley < np.inf
+    rest = _solve(system.copy(), without, _WEAK) if limited else 0.0
+    full = beta.copy()
+    missed = _solve(system.copy(), full, _SINGULAR)
+    if limited and missed > _MET:
+        missed = _solve(system, beta, _NOTHING)
+        full = beta
+    _substitute(U, rho[:, 0], Y, z[:, 0], full, step)
+    if rest > 0.0:
+        # Nearly a family of extremals, along which Newton's steps mean little: they are short, and
+        # wait until the others are settled.
+        strong = np.empty((M + 1, 12))
+        _substitute(U, rho[:, 0], Y, z[:, 0], without, strong)
+        size, along = 0.0, 0.0
+        for k in range(M + 1):
+            for i in range(3):
+                size = max(size, abs(strong[k, i]))
+                along = max(along, abs(step[k, i] - strong[k, i]))
+        most = valley if size < _SETTLED else min(valley, _LEVER * size)
+        if not along <= most:
+            share = most / along
+            missed = (1.0 - share) * rest
+            for k in range(M + 1):
+                for i in range(12):
+                    step[k, i] = strong[k, i] + share * (step[k, i] - strong[k, i])
+    # The errors leave the end where it is.
+    beta, system = _end_system(columns, G, np.zeros(6), Y[M], z[M, 1])
+    _solve(system, beta, _SINGULAR)
+    _substitute(U, rho[:, 1], Y, z[:, 1], beta, left)
     finite = True
-    missed = np.inf
-    for r in range(2):
-        system = np.zeros((columns, columns))
-        beta = np.zeros(columns)
-        for i in range(columns):
-            # The errors leave the end where it is.
-            beta[i] = g[i] if r == 0 else 0.0
-            for m in range(12):
-                beta[i] -= G[i, m] * z[M, r, m]
-                for j in range(columns):
-                    system[i, j] += G[i, m] * Y[M, m, j]
-        open_end = _solve(system, beta)
-        if r == 0:
-            missed = open_end
-        out = step if r == 0 else left
-        for k in range(M, -1, -1):
-            if k < M:
-                for j in range(columns):
-                    beta[j] -= rho[k, r, j]
-                for j in range(columns - 1, -1, -1):
-                    s = beta[j]
-                    for m in range(j + 1, columns):
-                        s -= U[k, j, m] * beta[m]
-                    beta[j] = s / U[k, j, j]
-            for i in range(12):
-                s = z[k, r, i]
-                for j in range(columns):
-                    s += Y[k, i, j] * beta[j]
-                out[k, i] = s
-                finite = finite and abs(s) < np.inf
+    for k in range(M + 1):
+        for i in range(12):
+            finite = finite and abs(step[k, i]) < np.inf and abs(left[k, i]) < np.inf
     return missed if finite else np.inf
+
+
+@inlined
+def _end_system(columns, G, g, Y, z):
+    """Right-hand side and matrix of the goal's conditions for the last node's coordinates."""
+    system = np.zeros((columns, columns))
+    beta = np.zeros(columns)
+    for i in range(columns):
+        beta[i] = g[i]
+        for m in range(12):
+            beta[i] -= G[i, m] * z[m]
+            for j in range(columns):
+                system[i, j] += G[i, m] * Y[m, j]
+    return beta, system
+
+
+@inlined
+def _substitute(U, rho, Y, z, beta, out):
+    """Perturbations (M + 1, 12) of all nodes from the last one's coordinates, which are used up."""
+    columns = beta.size
+    for k in range(U.shape[0], -1, -1):
+        if k < U.shape[0]:
+            for j in range(columns):
+                beta[j] -= rho[k, j]
+            for j in range(columns - 1, -1, -1):
+                s = beta[j]
+                for m in range(j + 1, columns):
+                    s -= U[k, j, m] * beta[m]
+                beta[j] = s / U[k, j, j]
+        for i in range(12):
+            s = z[k, i]
+            for j in range(columns):
+                s += Y[k, i, j] * beta[j]
+            out[k, i] = s
 
 
 @inlined
@@ -385,12 +433,12 @@ def _goal_conditions(pointing, end, goal, G, g):
 
 
 @inlined
-def _solve(A, b):
+def _solve(A, b, least):
     """Solve A x = b in place by elimination with full pivots; x comes in b.
 
     Where A is singular the extremals are a family, as about an obstacle that lies on an axis of
-    symmetry; the components that A leaves open stay as they are. Returns the largest part of b
-    that no x gives then, infinite if A is zero.
+    symmetry; the components whose pivots are at most `least` of the greatest stay as they are.
+    Returns the largest part of b that no x gives then, infinite if A is zero.
     """
     n = b.size
     order = np.arange(n)
@@ -404,7 +452,7 @@ def _solve(A, b):
                     row, column = r, m
         pivot = abs(A[row, column])
         greatest = max(greatest, pivot)
-        if not pivot > _SINGULAR * greatest:
+        if not pivot > least * greatest:
             rank = i
             break
         for m in range(n):

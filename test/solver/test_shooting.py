@@ -66,7 +66,7 @@ def newton_step(setup, mesh, states):
     step, left = np.empty((2, mesh.size, 12))
     missed = newton(
         setup.pointing, setup.table, setup.sigma, mesh, states, setup.goal,
-        defects, False, np.zeros(mesh.size - 1), whole, step, left,
+        defects, False, np.zeros(mesh.size - 1), np.inf, whole, step, left,
     )  # fmt: skip
     assert missed == 0.0
     return defects, step
