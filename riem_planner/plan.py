@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from riem_planner.certificate import certify
+from riem_planner.certificate import Certificate, certify
 from riem_planner.compiled import announced
 from riem_planner.duration import advised, solve_auto
 from riem_planner.errors import PlanningError
@@ -35,7 +35,7 @@ from riem_planner.solver.search import (
 )
 from riem_planner.solver.setup import Setup, set_up
 from riem_planner.solver.watch import InterruptedSolveError, Watch
-from riem_planner.trajectory import Trajectory
+from riem_planner.trajectory import Trajectory, follow_turns
 
 if TYPE_CHECKING:
     from riem_planner.general import GeneralProblem, GeneralSolution
@@ -205,8 +205,9 @@ def _load_kernels() -> None:
         _solve(problem, Watch(None, None), 1e-8, solution.trajectory, True)
     # What only few problems need.
     setup = set_up(problem)
-    shift_end(np.array([0.0, 1.0]), np.ones((2, 13)), setup.goal)
+    shift_end(1.0, np.array([0.0, 1.0]), np.ones((2, 13)), setup.goal)
     margins_along(setup.table, 0.0, np.ones((1, 4)))
+    follow_turns(np.ones(4), *np.zeros((3, 1, 3)))
 
 
 def _solve(
@@ -217,12 +218,13 @@ def _solve(
     if refusal is not None:
         return refusal
     found = (local_search if local else global_search)(setup, watch, warm_start)
-    solution = _best(problem, setup, found, tolerance, watch)
+    solution = _best(problem, setup, found, tolerance, watch, 1 if local else _MOST_RESULTS)
     # Where only limits are broken there are paths enough, and the answer is a longer duration.
     settled = solution.solved or solution.status is Status.LIMITS_EXCEEDED
     if local or settled or not watch.has_time_for(_ROADMAP_TIME):
         return solution
-    return _best(problem, setup, roadmap_search(setup, watch), tolerance, watch)
+    found = roadmap_search(setup, watch)
+    return _best(problem, setup, found, tolerance, watch, _MOST_RESULTS)
 
 
 def _end_in_zone(problem: Problem, setup: Setup) -> Solution | None:
@@ -244,23 +246,22 @@ def _end_in_zone(problem: Problem, setup: Setup) -> Solution | None:
 
 
 def _best(
-    problem: Problem, setup: Setup, found: Search, tolerance: float, watch: Watch
+    problem: Problem, setup: Setup, found: Search, tolerance: float, watch: Watch, enough: int
 ) -> Solution:
-    """The cheapest certified extremal near the curves, the others as alternatives."""
+    """The cheapest of `enough` certified extremals near the curves, the others as alternatives."""
     extremals: list[Extremal] = []
+    certified: list[tuple[Extremal, Trajectory, Certificate]] = []
+    refused: Certificate | None = None
     for curve in found.minima:
         worthless = bool(extremals) and curve.cost > WORTHLESS * extremals[0].cost
-        if len(extremals) == _MOST_RESULTS or worthless:
+        if len(extremals) == _MOST_RESULTS or len(certified) == enough or worthless:
             break
         # What only is an alternative is worth less effort.
         finer = _FINER[:2] if extremals else _FINER
         extremal = _extremal(setup, found, curve, finer, tolerance, watch)
-        if extremal is not None and not any(_same(extremal, other) for other in extremals):
-            extremals.append(extremal)
-    extremals.sort(key=lambda extremal: extremal.cost * (1.0 + extremal.cost_error))
-    certified: list[tuple[Extremal, Trajectory, Any]] = []
-    refused = None
-    for extremal in extremals:
+        if extremal is None or any(_same(extremal, other) for other in extremals):
+            continue
+        extremals.append(extremal)
         trajectory = published(problem, setup, extremal)
         certificate = certify(trajectory, problem, table=problem.table)
         if certificate.certified:
@@ -276,6 +277,7 @@ def _best(
             f"no certified trajectory: {why}; {status.advice}",
             certificate=refused,
         )
+    certified.sort(key=lambda item: item[0].cost * (1.0 + item[0].cost_error))
     scale = problem.duration**-3
     best, trajectory, certificate = certified[0]
     alternatives = tuple(

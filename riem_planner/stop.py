@@ -15,8 +15,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from riem_planner.geometry import so3
-from riem_planner.trajectory import Trajectory
+from riem_planner.trajectory import Trajectory, follow_turns
 
 Array = NDArray[np.float64]
 Turns = tuple[Array, Array, Array]
@@ -42,42 +41,7 @@ def trajectory_of_turns(start: ArrayLike, times: Array, turns: Turns) -> Traject
     turns : (n, 3) each
         xi [rad] and its first two time derivatives.
     """
-    xi, xi_1, xi_2 = turns
-    attitudes = so3.quaternion_multiply(np.asarray(start, dtype=float), so3.quaternion_exp(xi))
-    rates = np.einsum("nij,nj->ni", so3.right_jacobian(xi), xi_1)
-    accelerations = np.einsum("nij,nj->ni", so3.right_jacobian(xi), xi_2)
-    accelerations = accelerations + _drift(xi, xi_1)
-    return Trajectory(times, attitudes, rates, accelerations)
-
-
-def _drift(xi: Array, xi_1: Array) -> Array:
-    """Rate of change (n, 3) of the right Jacobian, times xi'; J is linear between two angles."""
-    # d/dt of c(x) with c_1 = (1 - cos x)/x^2, c_2 = (x - sin x)/x^3, by their own derivatives
-    # over x, from series that hold to 1e-15 below 0.5 rad and in closed form above.
-    angle = np.linalg.norm(xi, axis=-1)[:, None]
-    square = angle**2
-    large = np.where(angle > 0.5, angle, 1.0)
-    sine, cosine = np.sin(large), np.cos(large)
-    first = np.where(angle > 0.5, (1 - cosine) / large**2, 0.5 * np.sinc(angle / 2 / np.pi) ** 2)
-    series = 1 / 6 - square / 120 * (1 - square / 42 * (1 - square / 72 * (1 - square / 110)))
-    second = np.where(angle > 0.5, (large - sine) / large**3, series)
-    first_rate = np.where(
-        angle > 0.5,
-        (sine / large - 2 * first) / large**2,
-        -1 / 12 + square / 180 - square**2 / 6720 + square**3 / 453600 - square**4 / 47900160,
-    )
-    second_rate = np.where(
-        angle > 0.5,
-        (first - 3 * second) / large**2,
-        -1 / 60 + square / 1260 - square**2 / 60480 + square**3 / 4989600 - square**4 / 622702080,
-    )
-    inner = np.sum(xi * xi_1, axis=-1, keepdims=True)
-    once = np.cross(xi, xi_1)
-    return np.asarray(
-        -first_rate * inner * once
-        + second_rate * inner * np.cross(xi, once)
-        + second * np.cross(xi_1, once)
-    )
+    return Trajectory(times, *follow_turns(np.array(start, dtype=float), *turns))
 
 
 def deceleration(u: Array, duration: float, rate: Array, acceleration: Array) -> Turns:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from riem_planner.compiled import inlined, kernel
 from riem_planner.errors import InvalidProblemError
 from riem_planner.geometry import so3
-from riem_planner.geometry.quaternions import relative
+from riem_planner.geometry.quaternions import relative, turn
 from riem_planner.validation import frozen
 
 Array = NDArray[np.float64]
@@ -264,4 +264,25 @@ def evaluate_quintics(t, times, quaternions, coefficients):
         for i in range(3):
             v_out[m, i] = v[i]
             a_out[m, i] = a[i]
+    return q_out, v_out, a_out
+
+
+@kernel
+def follow_turns(start, xi, xi_1, xi_2):
+    """Quaternions (n, 4), rates and accelerations (n, 3) of `R_0 exp(hat(xi))`.
+
+    Parameters
+    ----------
+    start : (4,)
+        Quaternion of R_0.
+    xi, xi_1, xi_2 : (n, 3)
+        Rotation vectors and their two time derivatives.
+    """
+    n = xi.shape[0]
+    q_out, v_out, a_out = np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 3))
+    for k in range(n):
+        turn(start, xi[k], 1.0, q_out[k])
+        v, a = _rate_and_acceleration(xi[k], xi_1[k], xi_2[k])
+        for i in range(3):
+            v_out[k, i], a_out[k, i] = v[i], a[i]
     return q_out, v_out, a_out

@@ -491,7 +491,7 @@ def test_an_obstacle_that_appears_on_the_path_is_gone_round_at_once():
             assert "many ways" in solution.message
             best = solve(problem)
             assert solution.cost < best.cost * (1.0 + 1e-3)
-    assert 0 < undetermined < 20
+    assert 0 < undetermined < 40
 
 
 def test_the_antipode_is_reached_on_the_sphere_and_not_mistaken():

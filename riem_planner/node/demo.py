@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 
 PATIENCE = 900.0
 """How long the first plan may take: the very first start compiles the solver [s]."""
+DISCOVERY = 10.0
+"""How long the spacecraft may take to be heard [s]."""
 REFUSAL = 3.0
 """How long a refusal must stand before it is taken for the answer: the node tries again [s]."""
 
@@ -202,12 +204,25 @@ def main(arguments: list[str] | None = None) -> int:
     from riem_planner.node.demo_listener import Listener
 
     listener = Listener((settings.reference_frame, settings.body_frame))
-    processes = [subprocess.Popen(c) for c in _commands(settings, path, options.duration)]
+    plans, flies = _commands(settings, path, options.duration)
+    processes = [subprocess.Popen(flies)]
     try:
+        _wait_for_state(listener, processes[0], stop)
+        processes.insert(0, subprocess.Popen(plans))
         return Demonstration(settings, options.picture, listener, *processes, stop).run()
     finally:
         _end(processes)
         listener.close()
+
+
+def _wait_for_state(
+    listener: Listener, spacecraft: subprocess.Popen[bytes], stop: threading.Event
+) -> None:
+    """Wait until the spacecraft is heard: to find each other may take processes seconds."""
+    end = time.monotonic() + DISCOVERY
+    while not (listener.hears_state or spacecraft.poll() is not None or stop.wait(0.02)):
+        if time.monotonic() > end:
+            return
 
 
 def _draw(problem: Problem, trajectory: Trajectory, picture: Path) -> None:

@@ -94,6 +94,11 @@ class Listener:
         self._states.append((state.stamp, state.quaternion))
 
     @property
+    def hears_state(self) -> bool:
+        """Whether the spacecraft has told of its state."""
+        return bool(self._states)
+
+    @property
     def is_refused(self) -> bool:
         """Whether the last word of the planner is that there is no plan."""
         return self.status is not None and self.status.level == DiagnosticStatus.ERROR

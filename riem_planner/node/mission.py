@@ -433,7 +433,7 @@ class Mission:
         keeping = reason in (Reason.OBSTACLE, Reason.GAIN) and goal is self._aim
         if segment is None or not keeping or left < 0.02 * segment.trajectory.duration:
             return planning.attempts_anew(anew)
-        kept = planning.build_problem(settings, world, start, goal, left)
+        kept = replace(anew, duration=left)
         flown = segment.trajectory
         elapsed = segment.elapsed(start.stamp_ns)
         warm_start = portion(flown, elapsed, flown.duration)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -61,6 +62,7 @@ class Outputs:
         self.rejections = health.Rejections()
         self._node = node
         self._status: tuple[Level, str, dict[str, object]] = (Level.OK, "no request yet", {})
+        self._unlogged: deque[Event] = deque()
         self._shown: tuple[Proposal, Samples] | None = None
         self._marker_keys: set[Key] = set()
         self._drawn: tuple[int, object] = (-1, None)
@@ -121,18 +123,33 @@ class Outputs:
         )
 
     def tell(self, event: Event) -> None:
-        """Log an event and publish it as the status, with its plan if it has one."""
-        log = self._node.get_logger()
-        if event.level is Level.OK:
-            log.info(f"{event.code}: {event.message}")
-        elif event.level is Level.WARN:
-            log.warning(f"{event.code}: {event.message}")
-        else:
-            log.error(f"{event.code}: {event.message}")
+        """Publish an event as the status, with its plan if it has one, and log it.
+
+        What happens while a plan is being made is logged after that: rclpy takes a millisecond to
+        find out where a line comes from, with the interpreter's lock held.
+        """
         self._status = (event.level, event.message, reports.status_values(event))
         self._publish_status(*self._status)
         if event.proposal is not None:
             self._show(event.proposal)
+        self._unlogged.append(event)
+        if self._node.mission.pending is None:
+            self.write_log()
+        else:
+            self._node.worker.chore("log", self.write_log)
+
+    def write_log(self) -> None:
+        """Log the events that have not been."""
+        log = self._node.get_logger()
+        while self._unlogged:
+            event = self._unlogged.popleft()
+            line = f"{event.code}: {event.message}"
+            if event.level is Level.OK:
+                log.info(line)
+            elif event.level is Level.WARN:
+                log.warning(line)
+            else:
+                log.error(line)
 
     def _publish_status(self, level: Level, message: str, values: dict[str, object]) -> None:
         name = f"{self._node.get_name()}: plan"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
@@ -68,7 +67,6 @@ class PlannerNode(LifecycleNode):
         super().__init__("riem_planner", **options)
         self._settle = settle
         self.lock = threading.RLock()
-        self._results: deque[Result] = deque()
         self._last_stamp = 0
         self._configured = False
         self._closing = False
@@ -79,7 +77,6 @@ class PlannerNode(LifecycleNode):
         self._inputs = Inputs(self)
         self._create_services()
         self._guard_transitions()
-        self._delivered = self.create_guard_condition(self._take_results)
         self._create_timers()
         self._report_unknown()
 
@@ -261,6 +258,7 @@ class PlannerNode(LifecycleNode):
         self._closing = True
         ended = self._streamer.close(0.3)
         ended = self.worker.close(0.3) and ended
+        self.outputs.write_log()
         with suppress(InvalidHandle):  # another thread may be in the middle of a call
             self.destroy_node()
         return ended
@@ -303,19 +301,14 @@ class PlannerNode(LifecycleNode):
             self.mission.configure(settings, now_ns)
 
     def _deliver(self, result: Result) -> None:
-        self._results.append(result)
         if not self._closing:
-            self._delivered.trigger()
+            with self.calls() as now_ns:
+                self.mission.accept(result, now_ns)
 
     def fault(self, sentence: str) -> None:
         """Tell of an error that nothing else has caught."""
         if not self._closing:
             self.get_logger().error(f"fault, the stream goes on: {sentence}")
-
-    def _take_results(self) -> None:
-        with self.calls() as now_ns:
-            while self._results:
-                self.mission.accept(self._results.popleft(), now_ns)
 
     def _tick(self) -> None:
         if not self.mission.active:

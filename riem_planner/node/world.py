@@ -80,10 +80,12 @@ class World:
         self._settings = settings
         self._tracks: dict[str, _Track] = {}
         self._orientations: Array = np.zeros((0, 4))
+        self._standing: tuple[Obstacle, ...] = ()
 
     def configure(self, settings: Settings) -> None:
         """Take new settings; the data that came stays."""
         self._settings = settings
+        self._place_orientations()
         self.version += 1
 
     def update_zone(self, name: str, direction: Array, stamp_ns: int) -> bool:
@@ -103,8 +105,13 @@ class World:
         if np.array_equal(quaternions, self._orientations):
             return False
         self._orientations = np.array(quaternions)
+        self._place_orientations()
         self.version += 1
         return True
+
+    def _place_orientations(self) -> None:
+        matrices = so3.quaternion_to_matrix(self._orientations)
+        self._standing = tuple(self._obstacle(i, matrix) for i, matrix in enumerate(matrices))
 
     def shift(self, nanoseconds: int) -> None:
         """Move all stamps: the clock has jumped by that much."""
@@ -178,8 +185,7 @@ class World:
     def obstacles(self, now_ns: int) -> tuple[Obstacle, ...]:
         """Everything to keep away from or inside of, with its place at a time [ns]."""
         zones = [self.zone_at(zone, now_ns) for zone in self._settings.zones]
-        matrices = so3.quaternion_to_matrix(self._orientations)
-        return (*zones, *(self._obstacle(i, matrix) for i, matrix in enumerate(matrices)))
+        return (*zones, *self._standing)
 
     def _obstacle(self, index: int, matrix: Array) -> Obstacle:
         """One of ~/obstacles: an attitude, or on s2 the direction of its boresight."""

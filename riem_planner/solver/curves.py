@@ -208,10 +208,11 @@ def meet_ends(pointing, start, goal, times, q):
 
 
 @kernel
-def shift_end(times, states, goal):
+def shift_end(sigma, times, states, goal):
     """Turn states (n, 13) on SO(3) smoothly so that the last one has the goal's attitude and rate.
 
-    To first order in what is amiss. Returns what that adds to the cost, from the momenta -j and a.
+    To first order in what is amiss. Returns what that adds to the cost, from the momenta of
+    attitude and rate, sigma v - j and a.
     """
     n = times.size - 1
     turned, faster = np.empty(3), np.empty(3)
@@ -222,7 +223,7 @@ def shift_end(times, states, goal):
         k, m = (i + 1) % 3, (i + 2) % 3
         amiss = goal[4 + i] - v[i]
         faster[i] = amiss + turned[k] * v[m] - turned[m] * v[k]
-        cost += a[i] * amiss - j[i] * turned[i]
+        cost += a[i] * amiss + (sigma * v[i] - j[i]) * turned[i]
     c = np.empty((3, 3))
     for k in range(n + 1):
         s = times[k]

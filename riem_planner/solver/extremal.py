@@ -164,7 +164,7 @@ def _on_mesh(
     times = np.empty(2 * M + 1)
     times[::2], times[1::2] = mesh, 0.5 * (mesh[1:] + mesh[:-1])
     if missed > tolerance:
-        added = shift_end(times, samples, setup.goal)
+        added = shift_end(setup.sigma, times, samples, setup.goal)
         cost_error += _SAFETY * abs(added) / cost
         return Extremal(times, samples, cost + added, np.inf, cost_error), np.zeros(M, dtype=bool)
     split = between > 0.5 * tolerance

@@ -75,12 +75,12 @@ class Search:
     minima: list[Curve] = field(default_factory=list)
     _seen: list[float] = field(default_factory=list)
 
-    def add(self, q: Array, softs: tuple[float, ...]) -> bool:
-        """Descend from a curve, and both ways off a saddle; whether a new minimum came of it."""
+    def add(self, q: Array, softs: tuple[float, ...], *, both: bool = True) -> bool:
+        """Descend from a curve, and `both` ways off a saddle; whether a new minimum came of it."""
         begin = q.copy()
         curve, saddle = self._relax(q, softs, 1.0)
         new = self._keep(curve)
-        if saddle:
+        if saddle and (both or curve is None):
             new |= self._keep(self._relax(begin, softs, -1.0)[0])
         return new
 
@@ -276,7 +276,7 @@ def local_search(setup: Setup, watch: Watch, warm_start: Trajectory | None) -> S
     times, guesses, _ = first_guesses(setup)
     found = Search(setup, watch, times)
     if warm_start is not None:
-        found.add(warm_guess(setup, warm_start, times), _SOFT_WARM)
+        found.add(warm_guess(setup, warm_start, times), _SOFT_WARM, both=False)
     for q in guesses:
         if found.minima:
             break

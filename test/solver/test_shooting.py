@@ -1,5 +1,6 @@
 """Multiple shooting: its Newton step, its extremals' invariants, and its error estimate."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from taylor import remainder_order
 
 from benchmark.cases import problem_of
+from benchmark.cost import trajectory_cost
 from benchmark.random_cases import random_case, random_cases
 from riem_planner import S2, SO3, OrientationObstacle, Problem, State, Zone, solve
 from riem_planner.extremals import (
@@ -18,7 +20,7 @@ from riem_planner.extremals import (
 from riem_planner.geometry import so3, sphere
 from riem_planner.obstacles.potential import potential
 from riem_planner.plan import published
-from riem_planner.solver.curves import mesh_and_states
+from riem_planner.solver.curves import mesh_and_states, shift_end
 from riem_planner.solver.extremal import INTERVAL, extremal_near
 from riem_planner.solver.search import local_search
 from riem_planner.solver.setup import set_up
@@ -143,6 +145,33 @@ def test_extremal_meets_both_ends(space):
     setup, extremal = extremal_of(slew(space, OBSTACLES[space]))
     np.testing.assert_allclose(extremal.states[0, :7], setup.start, atol=1e-14)
     np.testing.assert_allclose(goal_error(setup, extremal.states[-1]), 0.0, atol=1e-10)
+
+
+def test_the_cost_of_an_extremal_that_is_turned_to_another_goal_is_known_to_first_order():
+    problem = slew(SO3, OBSTACLES[SO3][:2])
+    setup, extremal = extremal_of(problem)
+    rng = np.random.default_rng(3)
+    directions = rng.normal(size=(5, 6))
+
+    def shifted(direction, h):
+        states = extremal.states.copy()
+        goal = setup.goal.copy()
+        turned = so3.quaternion_exp(h * direction[:3])
+        goal[:4] = so3.quaternion_multiply(setup.goal[:4], turned)
+        goal[4:] += h * direction[3:]
+        added = shift_end(setup.sigma, extremal.times, states, goal)
+        np.testing.assert_array_equal(states[-1, :7], goal)
+        return added, published(problem, setup, replace(extremal, states=states))
+
+    before = trajectory_cost(problem, shifted(directions[0], 0.0)[1])
+
+    def remainder(h):
+        pairs = [shifted(direction, h) for direction in directions]
+        scale = problem.duration**-3
+        after = np.array([trajectory_cost(problem, trajectory) for _, trajectory in pairs])
+        return after - before - scale * np.array([added for added, _ in pairs])
+
+    assert remainder_order(remainder, 0.02, 1e-10 * before) == pytest.approx(2.0, abs=0.2)
 
 
 def parts(setup, extremal):
