@@ -43,6 +43,11 @@ def main(arguments: list[str] | None = None) -> int:
     signal.signal(signal.SIGTERM, on_signal)
     sys.setswitchinterval(SWITCH_INTERVAL)
 
+    # Fast DDS's shared memory waits for peers that come and go, with the lock held that setpoints
+    # need: a third of a second, now and then. (Where discovery is limited to this machine the
+    # middleware chooses its transports itself.)
+    os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+
     # Here, so that a signal during the second that these imports take is answered as well.
     import rclpy
     from rclpy.executors import ExternalShutdownException

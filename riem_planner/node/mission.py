@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riem_planner.errors import InvalidProblemError
-from riem_planner.geometry import so3
-from riem_planner.node import planning, recovery
+from riem_planner.node import asking, planning, recovery
 from riem_planner.node.events import Event, Level, Measurement, Proposal
-from riem_planner.node.planning import Attempt, Goal, Reason, Request, Result
-from riem_planner.node.safety import Judge, Verdict, portion, without_roll
+from riem_planner.node.planning import Goal, Reason, Request, Result
+from riem_planner.node.safety import Judge, Verdict
 from riem_planner.node.settings import Settings
 from riem_planner.node.timeline import Purpose, Segment, Setpoint, Timeline
 from riem_planner.node.world import World
@@ -35,8 +34,6 @@ TRIES = 3
 """Plans in a row that the world may overtake before it is left alone for a while."""
 PATIENCE = 16.0
 """The most that the planning budget is stretched by, for a solve that takes longer."""
-SETTLED = 1e-5
-"""A turn within one budget that a measured attitude may make and count as at rest [rad]."""
 CONTINUOUS = 1e-9
 """A jump of the rate at a splice that is rounding [rad/s]."""
 
@@ -388,59 +385,27 @@ class Mission:
             self._tell(Level.WARN, "WAITING", "require_state: nothing on ~/state or ~/imu yet")
             return
         ahead = round(self.settings.budget_ns * self._patience)
-        start = self._reference(now_ns, now_ns + ahead)
+        judge = Judge(self.world, self.settings, now_ns)
         fresh = not self.timeline
+        if fresh:
+            start = asking.measured_state(self.measured, self.settings, now_ns + ahead)
+        else:
+            leaving = judge if self.leaving else None
+            start = asking.reference_state(self.timeline, self.settings, now_ns + ahead, leaving)
+        flying = self._slew if goal is self._aim else None
         try:
-            attempts = self._attempts(start, goal, reason)
+            attempts = asking.attempts(self.settings, self.world, start, goal, reason, flying)
         except InvalidProblemError as error:
             self._fail(str(error), now_ns)
             return
-        if reason is Reason.GAIN and attempts[0].warm_start is None:
-            return  # what is left is too short to gain anything
+        if not attempts:
+            return
         deadline = ahead * 1e-9 * 0.9
         if fresh:
             deadline = max(deadline, 1.0)  # nothing is late before the stream begins
         self.wanted = self.pending = Request(
             reason, goal, attempts, deadline, start.stamp_ns, start, fresh, approved
         )
-
-    def _reference(self, now_ns: int, splice_ns: int) -> Setpoint:
-        """The state a plan begins at: of the timeline if there is one, else as measured."""
-        if self.timeline:
-            judge = Judge(self.world, self.settings, now_ns)
-            start = self.timeline.at(splice_ns)
-            assert start is not None  # a timeline is streamed from now on
-            if self.leaving and judge.inside(start):
-                start = self.timeline.at(max(splice_ns, self.timeline.end_ns))
-                assert start is not None
-            return without_roll(start, self.settings)
-        if self.measured is None:
-            rest = np.zeros(3)
-            return Setpoint(splice_ns, np.array(self.settings.start_orientation), rest, rest)
-        q, v, stamp_ns = self.measured
-        if float(np.linalg.norm(v)) * self.settings.planning_budget < SETTLED:
-            return Setpoint(splice_ns, q, np.zeros(3), np.zeros(3))
-        turn = so3.quaternion_exp(v * ((splice_ns - stamp_ns) * 1e-9))
-        predicted = so3.quaternion_multiply(q, turn)
-        start = Setpoint(splice_ns, predicted / np.linalg.norm(predicted), v, np.zeros(3))
-        return without_roll(start, self.settings)
-
-    def _attempts(self, start: Setpoint, goal: Goal, reason: Reason) -> tuple[Attempt, ...]:
-        settings, world = self.settings, self.world
-        anew = planning.build_problem(settings, world, start, goal, settings.duration)
-        segment = self._slew
-        left = 0.0 if segment is None else (segment.end_ns - start.stamp_ns) * 1e-9
-        keeping = reason in (Reason.OBSTACLE, Reason.GAIN) and goal is self._aim
-        if segment is None or not keeping or left < 0.02 * segment.trajectory.duration:
-            return planning.attempts_anew(anew)
-        kept = replace(anew, duration=left)
-        flown = segment.trajectory
-        elapsed = segment.elapsed(start.stamp_ns)
-        warm_start = portion(flown, elapsed, flown.duration)
-        if reason is Reason.GAIN:
-            return (Attempt(kept, "global", warm_start),)
-        peak = float(np.max(np.linalg.norm(flown.angular_velocities, axis=1)))
-        return planning.attempts_keeping(kept, anew, warm_start, peak)
 
     def _retry(self, now_ns: int) -> None:
         """Try again what could not be planned, if the goal is not plainly forbidden."""
