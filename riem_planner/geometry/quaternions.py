@@ -47,6 +47,19 @@ def ratio(p, q, out):
 
 
 @inlined
+def tilt(q):
+    """Direction of e3 turned by the quaternion q, (x, y), scaled to its angle from e3.
+
+    The rotation vector without roll that turns e3 there is (-y, x, 0).
+    """
+    a, b, d, w = q[0], q[1], q[2], q[3]
+    x, y, z = 2 * (a * d + w * b), 2 * (b * d - w * a), w * w - a * a - b * b + d * d
+    size = np.sqrt(x * x + y * y)
+    f = np.arctan2(size, z) / size if size > 0.0 else 1.0
+    return f * x, f * y
+
+
+@inlined
 def rotated(q, x, y, z):
     """The vector (x, y, z) turned by the quaternion q."""
     a, b, c, d = q[0], q[1], q[2], q[3]

@@ -74,10 +74,9 @@ def attempts(
     """
     anew = planning.build_problem(settings, world, start, goal, settings.duration)
     left = 0.0 if flying is None else (flying.end_ns - start.stamp_ns) * 1e-9
-    if flying is None or left < _TOO_LITTLE * flying.trajectory.duration:
+    keeping = reason in (Reason.OBSTACLE, Reason.GAIN)
+    if flying is None or not keeping or left < _TOO_LITTLE * flying.trajectory.duration:
         return () if reason is Reason.GAIN else planning.attempts_anew(anew)
-    if reason not in (Reason.OBSTACLE, Reason.GAIN):
-        return planning.attempts_anew(anew)
     kept = replace(anew, duration=left)
     flown = flying.trajectory
     warm_start = portion(flown, flying.elapsed(start.stamp_ns), flown.duration)

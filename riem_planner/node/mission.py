@@ -385,12 +385,11 @@ class Mission:
             self._tell(Level.WARN, "WAITING", "require_state: nothing on ~/state or ~/imu yet")
             return
         ahead = round(self.settings.budget_ns * self._patience)
-        judge = Judge(self.world, self.settings, now_ns)
         fresh = not self.timeline
         if fresh:
             start = asking.measured_state(self.measured, self.settings, now_ns + ahead)
         else:
-            leaving = judge if self.leaving else None
+            leaving = Judge(self.world, self.settings, now_ns) if self.leaving else None
             start = asking.reference_state(self.timeline, self.settings, now_ns + ahead, leaving)
         flying = self._slew if goal is self._aim else None
         try:

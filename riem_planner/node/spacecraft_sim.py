@@ -9,10 +9,10 @@ import sys
 import threading
 from types import FrameType
 
+from riem_planner.node.main import HUNG
+
 LOOK = 0.1
 """Longest time between two looks whether a signal has come [s]."""
-HUNG = 4.0
-"""Time after which an end that hangs is cut off, and where it hangs is told [s]."""
 
 
 def main(arguments: list[str] | None = None) -> int:

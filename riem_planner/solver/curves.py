@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from riem_planner.compiled import inlined, kernel
-from riem_planner.geometry.quaternions import ratio, relative, turn
+from riem_planner.geometry.quaternions import ratio, relative, tilt, turn
 from riem_planner.obstacles.potential import CUT_WIDTH, potential, towards
 from riem_planner.obstacles.table import GROUP, RADIUS, RANGE_ON, RATE
 
@@ -190,11 +190,8 @@ def meet_ends(pointing, start, goal, times, q):
     if pointing:
         to_goal = np.empty(4)
         ratio(q[-1], goal, to_goal)
-        a, b, d, w = to_goal[0], to_goal[1], to_goal[2], to_goal[3]
-        y0, y1, y2 = 2 * (a * d + w * b), 2 * (b * d - w * a), w * w - a * a - b * b + d * d
-        size = np.sqrt(y0 * y0 + y1 * y1)
-        f = np.arctan2(size, y2) / size if size > 0.0 else 1.0
-        at_goal[0], at_goal[1], at_goal[2] = -f * y1, f * y0, 0.0
+        x, y = tilt(to_goal)
+        at_goal[0], at_goal[1], at_goal[2] = -y, x, 0.0
     else:
         relative(q[-1], goal, at_goal)
     for k in range(times.size):

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from riem_planner.compiled import inlined, kernel
-from riem_planner.geometry.quaternions import ratio, relative, rotated, turn
+from riem_planner.geometry.quaternions import ratio, relative, rotated, tilt, turn
 from riem_planner.obstacles.potential import first_derivatives, potential
 from riem_planner.solver.dop853 import NODES, STAGE_WEIGHTS, STAGES, WEIGHTS
 
@@ -412,13 +412,9 @@ def _goal_conditions(pointing, end, goal, G, g):
         # The goal's direction in body components of the last attitude.
         to_goal = np.empty(4)
         ratio(end, goal, to_goal)
-        a, b, d, w = to_goal[0], to_goal[1], to_goal[2], to_goal[3]
-        y0, y1, y2 = 2 * (a * d + w * b), 2 * (b * d - w * a), w * w - a * a - b * b + d * d
         # Moving e3 by delta: delta x e3 = (delta_2, -delta_1, 0).
-        length = np.sqrt(y0 * y0 + y1 * y1)
-        f = np.arctan2(length, y2) / length if length > 0.0 else 1.0
-        G[0, 1], g[0] = 1.0, f * y0
-        G[1, 0], g[1] = -1.0, f * y1
+        G[0, 1], G[1, 0] = 1.0, -1.0
+        g[0], g[1] = tilt(to_goal)
         # The direction's velocity at the goal, in the body components of the last attitude, is
         # to be v x e3 = (v_1, -v_0, 0); a turn by delta changes it by -delta x u.
         u0, u1, u2 = rotated(to_goal, goal[5], -goal[4], 0.0)
