@@ -42,7 +42,7 @@ test: $(READY)
 	@$(PY) -m pytest -q $(ARGS)
 
 soak: $(READY)
-	@$(PY) -m pytest -q -m soak $(ARGS)
+	@$(PY) -m pytest -q -m soak -o faulthandler_timeout=0 $(ARGS)
 
 bench: $(READY)
 	@$(PY) -m benchmark $(ARGS)

@@ -132,8 +132,10 @@ def _planner(**values: Any) -> Iterator[Any]:
     from rclpy.parameter import Parameter
 
     from riem_planner.node.executor import NodeExecutor
+    from riem_planner.node.main import SWITCH_INTERVAL
     from riem_planner.node.planner_node import PlannerNode
 
+    sys.setswitchinterval(SWITCH_INTERVAL)  # as the command does
     context = Context()
     context.init()
     overrides = [Parameter(name, value=value) for name, value in values.items()]

@@ -1,7 +1,7 @@
 """How the project compiles: one decorator, so that every kernel has the same settings.
 
-Kernels are compiled by Numba on first use and cached on disk; they release the interpreter
-lock, so that a solve in a worker thread never delays the stream of setpoints.
+Kernels are compiled by Numba on first use and cached on disk; all but brief ones release the
+interpreter lock, so that a solve in a worker thread never delays the stream of setpoints.
 """
 
 from __future__ import annotations
@@ -52,16 +52,24 @@ def _cache_directory() -> str:
     return str(Path(home) / "riem_planner" / name)
 
 
-def kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+def kernel(function: Callable[..., Any], *, nogil: bool = True) -> Callable[..., Any]:
     """Compile a function to machine code on first use, cached on disk, without the GIL."""
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = _cache_directory()
     try:
         return numba.njit(  # type: ignore[no-any-return]
-            function, cache=True, nogil=True, error_model="numpy", fastmath=_FASTMATH
+            function, cache=True, nogil=nogil, error_model="numpy", fastmath=_FASTMATH
         )
     finally:
         numba.config.CACHE_DIR = before
+
+
+def brief_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A `kernel` of microseconds, which keeps the GIL.
+
+    Where another thread waits for it, to get it back would take longer than the kernel does.
+    """
+    return kernel(function, nogil=False)
 
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:

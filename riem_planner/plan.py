@@ -103,7 +103,8 @@ def solve(
         Time limit for everything [s], by a steady clock; but for the first solve of a process,
         which loads the compiled code before (0.6 s), or compiles it where it never ran.
     should_stop
-        Called between iterations; true withdraws the request.
+        Called between iterations; true withdraws the request. A `StopFlag` of
+        `riem_planner.solver.watch` does not keep other threads waiting.
     tolerance
         Requested error of the trajectory [rad], and relative error of the cost.
     warm_start

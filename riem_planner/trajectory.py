@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from riem_planner.compiled import inlined, kernel
+from riem_planner.compiled import brief_kernel, inlined
 from riem_planner.errors import InvalidProblemError
 from riem_planner.geometry import so3
 from riem_planner.geometry.quaternions import relative, turn
@@ -195,7 +195,7 @@ def _jacobian_inverse_times(xi, vector):
     )
 
 
-@kernel
+@brief_kernel
 def fit_quintics(times, quaternions, rates, accelerations):
     """Coefficients (n - 1, 6, 3) of the quintics between samples; see `Trajectory`."""
     n = times.size - 1
@@ -229,7 +229,7 @@ def fit_quintics(times, quaternions, rates, accelerations):
     return coefficients
 
 
-@kernel
+@brief_kernel
 def evaluate_quintics(t, times, quaternions, coefficients):
     """Quaternions (m, 4), rates (m, 3) and accelerations (m, 3) at times (m,)."""
     q_out = np.empty((t.size, 4))
@@ -267,7 +267,7 @@ def evaluate_quintics(t, times, quaternions, coefficients):
     return q_out, v_out, a_out
 
 
-@kernel
+@brief_kernel
 def follow_turns(start, xi, xi_1, xi_2):
     """Quaternions (n, 4), rates and accelerations (n, 3) of `R_0 exp(hat(xi))`.
 

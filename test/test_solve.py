@@ -30,7 +30,7 @@ from riem_planner.geometry import so3, sphere
 from riem_planner.plan import _is_minimum, _stated_cost, published, solve_many
 from riem_planner.solver.extremal import INTERVAL, extremal_near
 from riem_planner.solver.setup import set_up
-from riem_planner.solver.watch import Watch
+from riem_planner.solver.watch import StopFlag, Watch
 
 SEED = 72
 KINDS = ("so3", "s2", "cones")
@@ -256,6 +256,31 @@ def test_a_stop_from_another_thread_ends_a_long_solve():
     solution = solve(problem_of(makers()["50 obstacles"](1)), should_stop=stop.is_set)
     assert time.monotonic() - begin < 0.3
     assert solution.status is Status.CANCELLED
+
+
+def test_a_stop_flag_is_seen_by_compiled_code():
+    problem = problem_of(makers()["50 obstacles"](1))
+    assert_same_bits(solve(problem), solve(problem, should_stop=StopFlag()))
+    whole = solve(problem, should_stop=StopFlag())
+    stop = StopFlag()
+    timer = threading.Timer(0.3 * whole.solve_time, stop.set)
+    timer.start()
+    solution = solve(problem, should_stop=stop)
+    assert solution.status is Status.CANCELLED
+    assert 0 < solution.iterations < whole.iterations
+    stop = StopFlag()
+    stop.set()
+    assert solve(problem, should_stop=stop).iterations <= 1
+
+
+def test_how_long_compiled_code_runs_before_the_next_look():
+    assert Watch(None, None).stride == Watch(None, StopFlag()).stride > 100
+    assert Watch(60.0, lambda: False).stride == 1
+    timed = Watch(60.0, StopFlag())
+    assert timed.stride == 1  # until it is known how long an iteration takes
+    time.sleep(0.01)
+    timed.count(1000)
+    assert 2 <= timed.stride <= 51  # half a millisecond at a hundredth of one, or slower
 
 
 @pytest.mark.parametrize("space", [SO3, S2], ids=["so3", "s2"])

@@ -50,8 +50,11 @@ def certify_limits(trajectory: Trajectory, limits: Limits | None) -> LimitUse:
             continue
         use.parts[key], use.worst[key] = part, time
         if not part <= 1.0:
-            stated = f"{limit:.6g}" if isinstance(limit, float) else f"{limit.tolist()} per axis"
+            if isinstance(limit, float):
+                stated = f"{limit:.6g} {unit}"
+            else:
+                stated = f"[{', '.join(f'{each:.6g}' for each in limit)}] {unit} per axis"
             reasons.append(
-                f"limits.{key}: {part:.4g} times the limit of {stated} {unit} at t = {time:.6g} s"
+                f"limits.{key}: {part:.4g} times the limit of {stated} at t = {time:.6g} s"
             )
     return LimitUse(use.parts, use.worst, tuple(reasons))

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from riem_planner.compiled import kernel
+from riem_planner.compiled import brief_kernel
 
 Array = NDArray[np.float64]
 
@@ -73,7 +73,7 @@ def quaternion_multiply(left: ArrayLike, right: ArrayLike) -> Array:
     return np.asarray(product.reshape(shape))
 
 
-@kernel
+@brief_kernel
 def _multiply(p, q):  # type: ignore[no-untyped-def]
     out = np.empty(p.shape)
     for k in range(p.shape[0]):
@@ -140,7 +140,7 @@ def matrix_to_quaternion(matrix: ArrayLike) -> Array:
     return np.asarray(flat.reshape(*m.shape[:-2], 4))
 
 
-@kernel
+@brief_kernel
 def _shepperd(m):  # type: ignore[no-untyped-def]
     out = np.empty((m.shape[0], 4))
     for k in range(m.shape[0]):

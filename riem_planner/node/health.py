@@ -77,20 +77,18 @@ class StreamWatch:
         """The stream ends here; the gap to its next setpoint is not counted."""
         self._last = None
 
-    def report(self, period: float) -> Health:
+    def report(self, period: float, *, realtime: bool) -> Health:
         """Jitter of the last setpoints; a warning if some came late by more than a period [s]."""
+        values: dict[str, object] = {"published": self.published, "real_time_priority": realtime}
         if not self._intervals:
-            return Health("stream", Level.OK, "nothing is streamed", {"published": self.published})
+            return Health("stream", Level.OK, "nothing is streamed", values)
         intervals = np.array(self._intervals)
         self._intervals.clear()
         late = int(np.sum(intervals > 2.0 * period))
-        values: dict[str, object] = {
-            "published": self.published,
-            "interval_median_ms": 1e3 * float(np.median(intervals)),
-            "interval_p99_ms": 1e3 * float(np.quantile(intervals, 0.99)),
-            "interval_max_ms": 1e3 * float(intervals.max()),
-            "late": late,
-        }
+        values["interval_median_ms"] = 1e3 * float(np.median(intervals))
+        values["interval_p99_ms"] = 1e3 * float(np.quantile(intervals, 0.99))
+        values["interval_max_ms"] = 1e3 * float(intervals.max())
+        values["late"] = late
         if late:
             return Health("stream", Level.WARN, f"{late} setpoints were late", values)
         return Health("stream", Level.OK, "on time", values)

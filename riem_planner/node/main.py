@@ -14,7 +14,7 @@ STOP_WITHIN = 0.5
 """Time given to the executor to end [s]."""
 HUNG = 4.0
 """Time after which an end that hangs is cut off, and where it hangs is told [s]."""
-SWITCH_INTERVAL = 5e-4
+SWITCH_INTERVAL = 1e-4
 """How long a thread may keep the interpreter from the stream [s]."""
 
 

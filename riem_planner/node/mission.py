@@ -442,7 +442,7 @@ class Mission:
             self._request(now_ns, Reason.RETRY)
             return
         found = recovery.rescue(self.timeline, judge, self.settings)
-        self._take(found, judge)
+        self._take(found)
         level = Level.WARN if found.certified else Level.ERROR
         self._tell(level, found.purpose.name, f"{found.message} ({why})")
         if self.goal is not None:
@@ -464,10 +464,10 @@ class Mission:
         self.verdict = judge.timeline(after)
         return self.verdict.certified
 
-    def _take(self, found: recovery.Rescue, judge: Judge) -> None:
+    def _take(self, found: recovery.Rescue) -> None:
         self.timeline, self.shown, self._bound_for = found.timeline, None, None
         self.leaving = found.purpose is Purpose.WAY_OUT and not found.certified
-        self.verdict = judge.timeline(found.timeline)
+        self.verdict = found.verdict
 
     def _stop(self, now_ns: int) -> str:
         """Come to rest; says how."""
@@ -480,7 +480,7 @@ class Mission:
         found = recovery.come_to_rest(self.timeline, judge, self.settings, begin)
         if found is None:
             found = recovery.rescue(self.timeline, judge, self.settings)
-        self._take(found, judge)
+        self._take(found)
         return found.message
 
     # Telling ------------------------------------------------------------------------------------

@@ -123,20 +123,21 @@ class Outputs:
         )
 
     def tell(self, event: Event) -> None:
-        """Publish an event as the status, with its plan if it has one, and log it.
-
-        What happens while a plan is being made is logged after that: rclpy takes a millisecond to
-        find out where a line comes from, with the interpreter's lock held.
-        """
-        self._status = (event.level, event.message, reports.status_values(event))
-        self._publish_status(*self._status)
+        """Publish an event as the status, with its plan if it has one; it is logged later."""
         if event.proposal is not None:
             self._show(event.proposal)
+        self._status = (event.level, event.message, reports.status_values(event))
+        self._publish_status(*self._status)
         self._unlogged.append(event)
-        if self._node.mission.pending is None:
-            self.write_log()
-        else:
-            self._node.worker.chore("log", self.write_log)
+
+    def catch_up(self) -> None:
+        """Log and draw what has happened.
+
+        Whoever waits for a plan must not wait for these, with the interpreter's lock held: rclpy
+        takes a millisecond to find out where a line comes from, and a drawing some more.
+        """
+        self.write_log()
+        self._draw()
 
     def write_log(self) -> None:
         """Log the events that have not been."""
@@ -169,17 +170,13 @@ class Outputs:
         )
         frames = (settings.reference_frame, settings.body_frame)
         self._reference.publish(cdr_from_samples(samples, start_ns, frames))
-        self.draw()
 
     def forget(self) -> None:
         """Show no plan from now on."""
         self._shown = None
 
-    def draw(self) -> None:
-        """Draw plan and zones beside the stream, if anything has changed; now, or a little later.
-
-        What comes sooner after the last drawing than `REDRAW` is left to a later call.
-        """
+    def _draw(self) -> None:
+        """Draw plan and zones, if anything has changed and the last drawing is not too recent."""
         node, shown = self._node, self._shown
         world = node.mission.world
         state = (world.version, shown)
@@ -203,7 +200,7 @@ class Outputs:
         node = self._node
         entries = [
             health.planner_health(mission, now_ns),
-            self.watch.report(1e-9 * node.settings.period_ns),
+            self.watch.report(1e-9 * node.settings.period_ns, realtime=node.streamer.realtime),
             health.inputs_health(mission, self.rejections, now_ns),
             health.tracking_health(mission, now_ns),
         ]

@@ -54,6 +54,8 @@ class PlannerNode(LifecycleNode):
         What decides; called with `lock` held.
     outputs
         What publishes.
+    streamer
+        The thread that calls for each setpoint.
     worker
         What plans.
 
@@ -102,11 +104,12 @@ class PlannerNode(LifecycleNode):
         self.create_service(Trigger, "~/execute", trigger(lambda now: self.mission.execute(now)))
 
     def _create_timers(self) -> None:
-        self._streamer = Streamer(
+        self.streamer = Streamer(
             self._stream, lambda: self.settings.period_ns, self._simulated_ns, self.fault
         )
         self.create_timer(TICK, self._tick)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(TICK, self.outputs.catch_up, clock=steady)
         self.create_timer(1.0, self._report_health, clock=steady)
         if self.get_parameter("autostart").value:
             self.create_guard_condition(self._autostart, self._transitions).trigger()
@@ -184,14 +187,13 @@ class PlannerNode(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Begin to plan and to stream."""
         result = super().on_activate(state)
-        self._streamer.start()
+        self.streamer.start()
         with self.calls() as now_ns:
             self.mission.activate(now_ns)
             if self.settings.goal_orientation is not None:
                 goal = Goal(np.array(self.settings.goal_orientation), np.zeros(3))
                 self.mission.set_goal(goal, now_ns)
         self.get_logger().info("ready")
-        self.outputs.draw()
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -224,7 +226,7 @@ class PlannerNode(LifecycleNode):
             time.sleep(0.02)
 
     def _stop_streaming(self) -> None:
-        self._streamer.stop()
+        self.streamer.stop()
         self.outputs.watch.pause()
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -256,7 +258,7 @@ class PlannerNode(LifecycleNode):
     def close(self) -> bool:
         """End the worker and the node; whether nothing is left that can't be interrupted."""
         self._closing = True
-        ended = self._streamer.close(0.3)
+        ended = self.streamer.close(0.3)
         ended = self.worker.close(0.3) and ended
         self.outputs.write_log()
         with suppress(InvalidHandle):  # another thread may be in the middle of a call
@@ -288,13 +290,14 @@ class PlannerNode(LifecycleNode):
 
     def _follow_up(self) -> None:
         mission = self.mission
-        request = mission.take_wanted()
-        if request is not None:
-            self.worker.submit(request)
-        elif mission.pending is None:
+        if mission.pending is None:
             self.worker.withdraw()
         for event in mission.take_events():
             self.outputs.tell(event)
+        # Last, since telling beside a solve takes longer than before it.
+        request = mission.take_wanted()
+        if request is not None:
+            self.worker.submit(request)
 
     def _changed(self, settings: Settings) -> None:
         with self.calls() as now_ns:
@@ -315,7 +318,6 @@ class PlannerNode(LifecycleNode):
             return
         with self.calls() as now_ns:
             self.mission.tick(now_ns)
-        self.outputs.draw()
 
     def _report_health(self) -> None:
         with self.lock:

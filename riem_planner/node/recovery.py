@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from riem_planner.escape import way_out
-from riem_planner.node.safety import Judge, hold_horizon, without_roll
+from riem_planner.node.safety import Judge, Verdict, hold_horizon, without_roll
 from riem_planner.node.settings import Settings
 from riem_planner.node.timeline import Purpose, Segment, Setpoint, Timeline
 from riem_planner.stop import stops
@@ -32,6 +32,8 @@ class Rescue:
         Why.
     certified
         Whether all of it is certified; a way out never is.
+    verdict
+        On the timeline, all the same.
     message
         What it is, in a sentence.
     """
@@ -39,6 +41,7 @@ class Rescue:
     timeline: Timeline
     purpose: Purpose
     certified: bool
+    verdict: Verdict
     message: str
 
 
@@ -82,11 +85,11 @@ def _within_limits(stop: Trajectory, settings: Settings) -> bool:
 def come_to_rest(timeline: Timeline, judge: Judge, settings: Settings, at_ns: int) -> Rescue | None:
     """The gentlest certified stop from a time on, and the hold after it; None if there is none."""
     for candidate in _stops(timeline, settings, at_ns):
-        if judge.timeline(candidate).certified:
+        verdict = judge.timeline(candidate)
+        if verdict.certified:
             seconds = candidate.last.trajectory.duration
-            return Rescue(
-                candidate, Purpose.STOP, True, f"a certified stop within {seconds:.3g} s and hold"
-            )
+            message = f"a certified stop within {seconds:.3g} s and hold"
+            return Rescue(candidate, Purpose.STOP, True, verdict, message)
     return None
 
 
@@ -96,11 +99,11 @@ def leave(timeline: Timeline, judge: Judge, settings: Settings, at_ns: int) -> R
     assert segment is not None  # the timeline is streamed from now on
     assert start is not None
     candidate = timeline.spliced(way_out_segment(start, judge, settings, segment.trajectory))
-    certified = judge.timeline(candidate).certified
+    verdict = judge.timeline(candidate)
     angle = math.degrees(_turn(candidate.last.trajectory))
     seconds = candidate.last.trajectory.duration
     message = f"a turn by {angle:.3g} deg within {seconds:.3g} s"
-    return Rescue(candidate, Purpose.WAY_OUT, certified, message)
+    return Rescue(candidate, Purpose.WAY_OUT, verdict.certified, verdict, message)
 
 
 def way_out_segment(
@@ -139,35 +142,28 @@ def rescue(timeline: Timeline, judge: Judge, settings: Settings) -> Rescue:
     inside = judge.inside(start)
     if inside:
         found = leave(timeline, judge, settings, soon)
-        return Rescue(
-            found.timeline,
-            Purpose.WAY_OUT,
-            False,
-            f"inside {', '.join(inside)}: the shortest way out, {found.message}",
-        )
+        message = f"inside {', '.join(inside)}: the shortest way out, {found.message}"
+        return replace(found, certified=False, message=message)
     for at_ns in dict.fromkeys((later, soon)):
         stop = come_to_rest(timeline, judge, settings, at_ns)
         if stop is not None:
             return stop
     dodge = leave(timeline, judge, settings, soon)
     if dodge.certified:
-        return Rescue(dodge.timeline, dodge.purpose, True, f"a certified {dodge.message[2:]}")
+        return replace(dodge, message=f"a certified {dodge.message[2:]}")
     return _least_bad(timeline, dodge, judge, settings, soon)
 
 
 def _least_bad(
     timeline: Timeline, dodge: Rescue, judge: Judge, settings: Settings, soon: int
 ) -> Rescue:
-    candidates = [dodge.timeline, *_stops(timeline, settings, soon)]
-
-    def depth(candidate: Timeline) -> float:
-        clearance = judge.timeline(candidate).clearance
-        return min(clearance.values(), default=0.0)
-
-    best = max(candidates, key=depth)
+    candidates = [(dodge.timeline, dodge.verdict)]
+    candidates += [(stop, judge.timeline(stop)) for stop in _stops(timeline, settings, soon)]
+    best, verdict = max(candidates, key=lambda each: min(each[1].clearance.values(), default=0.0))
     return Rescue(
         best,
         best.last.purpose,
         False,
+        verdict,
         "nothing certified is left; the way that comes least near is flown",
     )

@@ -1,18 +1,23 @@
 """A thread that calls the stream at its times, whatever the executor is doing.
 
 An executor looks through all its entities before it calls a timer, which takes a millisecond
-while messages pour in; this thread has nothing else to do. With a simulated clock it looks at
-that clock every few milliseconds, so that it follows a pause, a jump, or any speed.
+while messages pour in; this thread has nothing else to do. Where the system allows it, it runs
+before all ordinary threads of the machine. With a simulated clock it looks at that clock every
+few milliseconds, so that it follows a pause, a jump, or any speed.
 """
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 
 LOOK = 0.002
 """Time between two looks at a simulated clock [s]."""
+PRIORITY = 1
+"""Of the thread among real-time ones, the least: it waits for them, not for anything else."""
 LONGEST = 0.1
 """How long it sleeps at a time, so that it ends soon when told to [s]."""
 
@@ -30,6 +35,11 @@ class Streamer:
         Gives the time of a simulated clock [ns]; None if the clock is the machine's.
     fault
         Called with a sentence about anything that went wrong.
+
+    Attributes
+    ----------
+    realtime
+        Whether the system lets it run before ordinary threads.
     """
 
     def __init__(
@@ -45,6 +55,7 @@ class Streamer:
         self._fault = fault
         self._on = threading.Event()
         self._closed = False
+        self.realtime = False
         self._thread = threading.Thread(target=self._run, name="stream", daemon=True)
         self._thread.start()
 
@@ -64,6 +75,10 @@ class Streamer:
         return not self._thread.is_alive()
 
     def _run(self) -> None:
+        with suppress(AttributeError, OSError):  # another system, or no right to
+            policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+            os.sched_setscheduler(0, policy, os.sched_param(PRIORITY))
+            self.realtime = True
         while not self._closed:
             self._on.wait()
             due = None

@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 from riem_planner.node.planning import Request, Result, carry_out
 from riem_planner.solution import Solution, Status
+from riem_planner.solver.watch import StopFlag
 
 
 class Worker:
@@ -26,7 +27,7 @@ class Worker:
         self._fault = fault
         self._condition = threading.Condition()
         self._request: Request | None = None
-        self._current: Request | None = None
+        self._stop = StopFlag()
         self._chores: dict[str, Callable[[], None]] = {}
         self._closed = False
         self._thread = threading.Thread(target=self._run, name="planning", daemon=True)
@@ -35,13 +36,15 @@ class Worker:
     def submit(self, request: Request) -> None:
         """Plan this, and give up what is being planned."""
         with self._condition:
-            self._request, self._current = request, None
+            self._request = request
+            self._stop.set()
             self._condition.notify()
 
     def withdraw(self) -> None:
         """Give up what is being planned."""
         with self._condition:
-            self._request = self._current = None
+            self._request = None
+            self._stop.set()
 
     def chore(self, name: str, do: Callable[[], None]) -> None:
         """Do this when nothing is to be planned; a newer chore of that name replaces it."""
@@ -52,7 +55,8 @@ class Worker:
     def close(self, timeout: float) -> bool:
         """Give up everything; whether the thread has ended within a time [s]."""
         with self._condition:
-            self._request, self._current, self._closed = None, None, True
+            self._request, self._closed = None, True
+            self._stop.set()
             self._chores.clear()
             self._condition.notify()
         self._thread.join(timeout)
@@ -66,24 +70,20 @@ class Worker:
                 if self._closed:
                     return
                 request, self._request = self._request, None
-                self._current = request
+                stop = self._stop = StopFlag()
                 chore = None
                 if request is None:
                     chore = self._chores.pop(next(iter(self._chores)))
             try:
                 if request is not None:
-                    self._plan(request)
+                    self._plan(request, stop)
                 elif chore is not None:
                     chore()
             except Exception as error:  # a fault here must never end the stream
                 self._fault(f"{type(error).__name__}: {error}")
 
-    def _plan(self, request: Request) -> None:
+    def _plan(self, request: Request, should_stop: StopFlag) -> None:
         begin = time.monotonic()
-
-        def should_stop() -> bool:
-            return self._current is not request
-
         try:
             result = carry_out(request, should_stop)
         except Exception as error:

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from riem_planner.compiled import inlined, kernel
+from riem_planner.compiled import brief_kernel, inlined, kernel
 from riem_planner.obstacles.table import (
     BORESIGHT,
     GROUP,
@@ -277,7 +277,7 @@ def _sum(table, time, x, y, z, w, soft):
     return total, G0, G1, G2, H00, H11, H22, H01, H02, H12
 
 
-@kernel
+@brief_kernel
 def potential(table, time, x, y, z, w, soft):
     """Sum of the potentials at an attitude, with body gradient and covariant Hessian.
 
@@ -304,14 +304,14 @@ def potential(table, time, x, y, z, w, soft):
     return _sum(table, time, x, y, z, w, soft)
 
 
-@kernel
+@brief_kernel
 def first_derivatives(table, time, x, y, z, w):
     """The potential and its body gradient alone: V, G0, G1, G2 as those of `potential`."""
     V, G0, G1, G2 = _sum(table, time, x, y, z, w, 0.0)[:4]
     return V, G0, G1, G2
 
 
-@kernel
+@brief_kernel
 def towards(table, i, time, x, y, z, w):
     """Distance d [rad] of an attitude to obstacle i, and the body rotation that lessens it.
 
@@ -369,7 +369,7 @@ def rounding(table, crossing, times, q):
     return out
 
 
-@kernel
+@brief_kernel
 def row_margins(table, time, q):
     """Margin of an attitude to each row's edge [rad], positive where allowed (n,)."""
     out = np.empty(table.shape[0])

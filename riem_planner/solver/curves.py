@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from riem_planner.compiled import inlined, kernel
+from riem_planner.compiled import brief_kernel, inlined, kernel
 from riem_planner.geometry.quaternions import ratio, relative, tilt, turn
 from riem_planner.obstacles.potential import CUT_WIDTH, potential, towards
 from riem_planner.obstacles.table import GROUP, RADIUS, RANGE_ON, RATE
@@ -13,7 +13,7 @@ _PARTS = 8  # of an interval, where obstacles are looked for
 _NEAR = 1.2  # rad from its edge, within which an obstacle has another side worth a try
 
 
-@kernel
+@brief_kernel
 def lift(q):
     """Make attitudes (n, 4) roll-free about e3 along the curve of their directions, in place."""
     for k in range(1, q.shape[0]):
@@ -162,7 +162,7 @@ def mesh_and_states(pointing, table, times, q, start, goal, interval, least, mos
     return mesh, states
 
 
-@kernel
+@brief_kernel
 def guess(q_start, rate_start, xi_end, rate_end, times, q):
     """Attitudes (N + 1, 4) along the cubic rotation vector from 0 to `xi_end`.
 
@@ -182,7 +182,7 @@ def guess(q_start, rate_start, xi_end, rate_end, times, q):
         turn(q_start, xi, 1.0, q[k])
 
 
-@kernel
+@brief_kernel
 def meet_ends(pointing, start, goal, times, q):
     """Turn a curve (N + 1, 4) smoothly to meet a start and a goal (7,), in place."""
     at_start, at_goal, delta = np.empty(3), np.empty(3), np.empty(3)
@@ -204,7 +204,7 @@ def meet_ends(pointing, start, goal, times, q):
         q[0, i] = start[i]
 
 
-@kernel
+@brief_kernel
 def shift_end(sigma, times, states, goal):
     """Turn states (n, 13) on SO(3) smoothly so that the last one has the goal's attitude and rate.
 
@@ -244,7 +244,7 @@ def shift_end(sigma, times, states, goal):
     return cost
 
 
-@kernel
+@brief_kernel
 def reflect(pointing, table, i, times, q, out):
     """Move a curve across obstacle i, to the same distance on its other side.
 
@@ -322,7 +322,7 @@ def coarseness(table, times, q):
     return ratio, depth
 
 
-@kernel
+@brief_kernel
 def resampled(times, q, new_times):
     """Attitudes of a curve at other times, along the geodesics between its nodes."""
     out = np.empty((new_times.size, 4))
@@ -336,7 +336,7 @@ def resampled(times, q, new_times):
     return out
 
 
-@kernel
+@brief_kernel
 def crosses_cut(table, times, states):
     """Whether obstacle i may have its cut locus within CUT_WIDTH of interval k, (n, M).
 
@@ -367,7 +367,7 @@ def crosses_cut(table, times, states):
     return near
 
 
-@kernel
+@brief_kernel
 def ways_round(pointing, start, goal):
     """Cubic rotation vectors from start to goal: either way round and more, straightest first.
 

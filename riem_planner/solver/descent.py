@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from riem_planner.compiled import inlined, kernel
+from riem_planner.compiled import brief_kernel, inlined, kernel
 from riem_planner.geometry.quaternions import turn
 from riem_planner.obstacles.potential import potential
 
@@ -26,8 +26,21 @@ _FIRST_SHIFT = 0.03  # of the kinetic block, when the Hessian is indefinite
 _SADDLE_STEP = 0.25  # rad, off a saddle
 _MOST_SADDLES = 4
 _RECENT = 4  # costs, the greatest of which a step must undercut (Grippo, Lampariello and Lucidi)
-MEMORY = 2 + _RECENT
-"""Numbers that a descent carries from call to call."""
+# What a descent carries from call to call: the shift of the Hessian, the number of saddles left,
+# whether the cost and its derivatives that follow are those of the curve, recent costs.
+_SHIFT, SADDLES, _ASSEMBLED, _COST, _COSTS = 0, 1, 2, 3, 4
+_DERIVATIVES = _COSTS + _RECENT
+
+
+def fresh_memory(nodes):
+    """What a descent on that many nodes carries from call to call, at its beginning."""
+    return np.zeros(_DERIVATIVES + 30 * nodes)
+
+
+def begin_stage(memory):
+    """Forget what does not hold for other potentials; the saddles that were left still count."""
+    memory[_SHIFT] = 0.0
+    memory[_ASSEMBLED:_DERIVATIVES] = 0.0
 
 
 @inlined
@@ -248,7 +261,7 @@ def assemble(pointing, table, sigma, times, q, rate_start, rate_end, soft, gradi
     return total
 
 
-@kernel
+@brief_kernel
 def kinetic_stencil(times, stencil):
     """Pentadiagonal (N + 1, 3) second-variation of the acceleration in flat space.
 
@@ -356,8 +369,9 @@ def substitute(first, last, C, M1, M2, rhs):
 
 @kernel
 def descend(
-    pointing, table, sigma, times, q, rate_start, rate_end, soft, tolerance, side, most, memory
-):
+    pointing, table, sigma, times, q, rate_start, rate_end, soft, tolerance, side, most, memory,
+    stop,
+):  # fmt: skip
     """Newton descent on the discretised cost, in place.
 
     Parameters
@@ -368,9 +382,10 @@ def descend(
         +1 or -1: which way to leave a saddle, along its direction of negative curvature.
     most
         Most iterations; call again with the same memory to go on.
-    memory : (MEMORY,)
-        Carried between calls: the shift of the Hessian, the number of saddles left, and recent
-        costs; zero at the start.
+    memory
+        From `fresh_memory`; `begin_stage` first where anything but it has changed.
+    stop : (1,)
+        Of a `StopFlag`: looked at before each iteration.
 
     Returns
     -------
@@ -381,23 +396,33 @@ def descend(
         Whether the tolerance was met at a point with a positive definite Hessian.
     """
     n = q.shape[0] - 1
-    gradient, trial_gradient = np.empty((n + 1, 3)), np.empty((n + 1, 3))
-    D, L1, L2 = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3, 3)), np.empty((n + 1, 3, 3))
+    m = 3 * (n + 1)
+    kept = memory[_DERIVATIVES:]
+    gradient = kept[:m].reshape(n + 1, 3)
+    D = kept[m : 4 * m].reshape(n + 1, 3, 3)
+    L1 = kept[4 * m : 7 * m].reshape(n + 1, 3, 3)
+    L2 = kept[7 * m : 10 * m].reshape(n + 1, 3, 3)
+    trial_gradient = np.empty((n + 1, 3))
     E, M1, M2 = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3, 3)), np.empty((n + 1, 3, 3))
     C, N1, N2 = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3, 3)), np.empty((n + 1, 3, 3))
     stencil = np.empty((n + 1, 3))
     kinetic_stencil(times, stencil)
     step = np.zeros((n + 1, 3))
     trial = q.copy()
-    cost = assemble(
-        pointing, table, sigma, times, q, rate_start, rate_end, soft, gradient, D, L1, L2
-    )
+    if memory[_ASSEMBLED] == 0.0:
+        memory[_ASSEMBLED] = 1.0
+        memory[_COST] = assemble(
+            pointing, table, sigma, times, q, rate_start, rate_end, soft, gradient, D, L1, L2
+        )
+    cost = memory[_COST]
     if not cost < np.inf:
         return cost, 0, False
     for iteration in range(most):
-        while not factor(1, n, D, L1, L2, C, N1, N2, memory[0], stencil):
-            memory[0] = max(3.0 * memory[0], _FIRST_SHIFT)
-            if memory[0] > 1e9:
+        if stop[0] != 0:
+            return cost, iteration, False
+        while not factor(1, n, D, L1, L2, C, N1, N2, memory[_SHIFT], stencil):
+            memory[_SHIFT] = max(3.0 * memory[_SHIFT], _FIRST_SHIFT)
+            if memory[_SHIFT] > 1e9:
                 return cost, iteration, False
         for k in range(1, n):
             for i in range(3):
@@ -405,28 +430,29 @@ def descend(
         substitute(1, n, C, N1, N2, step)
         slope, longest = _slope_and_length(gradient, step)
         if -slope <= 2.0 * tolerance * cost:
-            if memory[0] == 0.0:
+            if memory[_SHIFT] == 0.0:
                 return cost, iteration, True
             # A saddle: leave it along the softest direction, by inverse iteration.
-            memory[0] *= 0.5
+            memory[_SHIFT] *= 0.5
             if factor(1, n, D, L1, L2, C, N1, N2, 0.0, stencil):
-                memory[0] = 0.0
+                memory[_SHIFT] = 0.0
                 continue
-            while not factor(1, n, D, L1, L2, C, N1, N2, memory[0], stencil):
-                memory[0] *= 2.0
+            while not factor(1, n, D, L1, L2, C, N1, N2, memory[_SHIFT], stencil):
+                memory[_SHIFT] *= 2.0
             _softest(pointing, n, C, N1, N2, step)
-            memory[1] += 1.0
-            if memory[1] > _MOST_SADDLES:
+            memory[SADDLES] += 1.0
+            if memory[SADDLES] > _MOST_SADDLES:
                 return cost, iteration, False
             _, longest = _slope_and_length(gradient, step)
             for i in range(_RECENT):
-                memory[2 + i] = 0.0
+                memory[_COSTS + i] = 0.0
             scale = side * _SADDLE_STEP / longest
             for k in range(1, n):
                 turn(q[k], step[k], scale, q[k])
             cost = assemble(
                 pointing, table, sigma, times, q, rate_start, rate_end, soft, gradient, D, L1, L2
             )
+            memory[_COST] = cost
             if not cost < np.inf:
                 return cost, iteration, False
             continue
@@ -437,7 +463,7 @@ def descend(
         bound = cost
         if soft == 0.0:
             for i in range(_RECENT):
-                bound = max(bound, memory[2 + i])
+                bound = max(bound, memory[_COSTS + i])
         for _ in range(12):
             for k in range(1, n):
                 turn(q[k], step[k], scale, trial[k])
@@ -450,24 +476,21 @@ def descend(
                 break
             scale *= 0.4
         if not accepted:
-            if -slope <= 1e-9 * cost and memory[0] == 0.0:
+            if -slope <= 1e-9 * cost and memory[_SHIFT] == 0.0:
                 return cost, iteration, True
-            memory[0] = max(10.0 * memory[0], _FIRST_SHIFT)
-            if memory[0] > 1e9:
+            memory[_SHIFT] = max(10.0 * memory[_SHIFT], _FIRST_SHIFT)
+            if memory[_SHIFT] > 1e9:
                 return cost, iteration, False
             continue
         for k in range(1, n):
             for i in range(4):
                 q[k, i] = trial[k, i]
         for i in range(_RECENT - 1):
-            memory[2 + i] = memory[3 + i]
-        memory[1 + _RECENT] = cost
-        cost = trial_cost
-        gradient, trial_gradient = trial_gradient, gradient
-        D, E = E, D
-        L1, M1 = M1, L1
-        L2, M2 = M2, L2
-        memory[0] = 0.2 * memory[0] if memory[0] > 0.1 * _FIRST_SHIFT else 0.0
+            memory[_COSTS + i] = memory[_COSTS + 1 + i]
+        memory[_COSTS + _RECENT - 1] = cost
+        cost = memory[_COST] = trial_cost
+        gradient[:], D[:], L1[:], L2[:] = trial_gradient, E, M1, M2
+        memory[_SHIFT] = 0.2 * memory[_SHIFT] if memory[_SHIFT] > 0.1 * _FIRST_SHIFT else 0.0
     return cost, most, False
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from riem_planner.geometry import so3
 from riem_planner.obstacles.table import RADIUS
 from riem_planner.solver import curves
-from riem_planner.solver.descent import MEMORY, descend
+from riem_planner.solver.descent import SADDLES, begin_stage, descend, fresh_memory
 from riem_planner.solver.setup import Setup
 from riem_planner.solver.watch import Watch
 from riem_planner.trajectory import Trajectory
@@ -96,9 +96,9 @@ class Search:
 
     def _relax(self, q: Array, softs: tuple[float, ...], side: float) -> tuple[Curve | None, bool]:
         """Descend while the potentials harden; the exact minimum, and whether a saddle was left."""
-        memory = np.zeros(MEMORY)
+        memory = fresh_memory(q.shape[0])
         curve = self._descended(q, softs, side, memory)
-        return (None if curve is None else self._seen_through(curve)), memory[1] > 0.0
+        return (None if curve is None else self._seen_through(curve)), memory[SADDLES] > 0.0
 
     def _descended(
         self, q: Array, softs: tuple[float, ...], side: float, memory: Array
@@ -153,7 +153,7 @@ class Search:
         begin = s.with_goal(np.ascontiguousarray(states[:, :4]))
         # Softer potentials only where hard ones fail: they let a curve slip out of a narrow gap.
         for softs in ((), _SOFT_LAST, (*_SOFT_AGAIN, *_SOFT_LAST)):
-            q, memory = begin.copy(), np.zeros(MEMORY)
+            q, memory = begin.copy(), fresh_memory(begin.shape[0])
             for soft in softs:
                 self._stage(times, q, soft, _ROUGH, 1.0, memory, _MOST_FINER)
             cost, converged = self._stage(times, q, 0.0, _FINE, 1.0, memory, _MOST_FINER)
@@ -162,7 +162,7 @@ class Search:
         return Curve(times, q, np.inf), False
 
     def _cost(self, q: Array) -> float:
-        return float(self._descend(self.times, q, 0.0, 0.0, 1.0, 0, np.zeros(MEMORY))[0])
+        return float(self._descend(self.times, q, 0.0, 0.0, 1.0, 0, fresh_memory(q.shape[0]))[0])
 
     def _stage(
         self,
@@ -175,8 +175,7 @@ class Search:
         most: int = _MOST_ITERATIONS,
     ) -> tuple[float, bool]:
         """Descend in place; the cost, and whether it converged."""
-        memory[0] = 0.0
-        memory[2:] = 0.0
+        begin_stage(memory)
         while True:
             stride = min(self.watch.stride, most)
             cost, done, converged = self._descend(times, q, soft, tolerance, side, stride, memory)
@@ -198,7 +197,7 @@ class Search:
         s = self.setup
         result: tuple[float, int, bool] = descend(
             s.pointing, s.table, s.sigma, times, q, s.start[4:], s.goal[4:],
-            soft, tolerance, side, most, memory,
+            soft, tolerance, side, most, memory, self.watch.flag,
         )  # fmt: skip
         return result
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from riem_planner.compiled import inlined, kernel
+from riem_planner.compiled import brief_kernel, inlined, kernel
 from riem_planner.geometry.quaternions import ratio, relative, rotated, tilt, turn
 from riem_planner.obstacles.potential import first_derivatives, potential
 from riem_planner.solver.dop853 import NODES, STAGE_WEIGHTS, STAGES, WEIGHTS
@@ -476,7 +476,7 @@ def _solve(A, b, least):
     return missed
 
 
-@kernel
+@brief_kernel
 def advance(states, step, scale):
     """Apply a Newton step, in place; returns the largest rotation in it [rad]."""
     largest = 0.0

@@ -5,9 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from riem_planner.solution import Status
 
 _FREE_RUN = 1000  # iterations a kernel may run at once where nobody watches
+_LOOK = 5e-4  # s that it may run at once where only the time is watched
 
 
 class InterruptedSolveError(Exception):
@@ -16,6 +20,25 @@ class InterruptedSolveError(Exception):
     def __init__(self, status: Status) -> None:
         self.status = status
         super().__init__(status.advice)
+
+
+class StopFlag:
+    """A `should_stop` that compiled code looks at by itself, without the interpreter.
+
+    Any thread may set it. A solve with any other `should_stop` takes the interpreter's lock
+    between all iterations, and where other threads want it too waits for it each time.
+    """
+
+    def __init__(self) -> None:
+        self.memory: NDArray[np.uint8] = np.zeros(1, dtype=np.uint8)
+
+    def set(self) -> None:
+        """Withdraw the request."""
+        self.memory[0] = 1
+
+    def __call__(self) -> bool:
+        """Whether the request was withdrawn."""
+        return bool(self.memory[0])
 
 
 class Watch:
@@ -27,18 +50,30 @@ class Watch:
         Seconds from now by a steady clock; None for none.
     should_stop
         Called between iterations; true to stop.
+
+    Attributes
+    ----------
+    flag
+        That of a `StopFlag`; for compiled code to look at between iterations.
     """
 
     def __init__(self, deadline: float | None, should_stop: Callable[[], bool] | None) -> None:
         self._begin = time.monotonic()
         self._end = None if deadline is None else self._begin + deadline
         self._should_stop = should_stop
+        flag = should_stop if isinstance(should_stop, StopFlag) else StopFlag()
+        self._asks = should_stop is not None and should_stop is not flag
+        self.flag = flag.memory
         self.iterations = 0
 
     @property
     def stride(self) -> int:
         """Iterations that a kernel may run before the next look."""
-        return _FREE_RUN if self._end is None and self._should_stop is None else 1
+        if self._asks:
+            return 1
+        if self._end is None:
+            return _FREE_RUN
+        return 1 + int(_LOOK * self.iterations / max(self.elapsed, 1e-6))
 
     @property
     def elapsed(self) -> float:

@@ -93,6 +93,8 @@ def test_a_limit_broken_only_between_samples_is_broken():
     assert refused.limit_margins["rate"] == pytest.approx(-0.001, abs=2e-4)
     assert "limits.rate: 1.001 times the limit" in refused.reasons[0]
     assert "t = 5 s" in refused.reasons[0]
+    each = certify(trajectory, problem, Limits(rate=[1.0, 1.0, 0.999 * peak])).reasons[0]
+    assert "times the limit of [1, 1, 0.187312] rad/s per axis at t = 5 s" in each
     allowed = certify(trajectory, problem, Limits(rate=1.001 * peak))
     assert allowed.certified
     assert not allowed.breaks_only_limits

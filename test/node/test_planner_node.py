@@ -355,6 +355,18 @@ class _Log:
     info = error = debug = warn = warning
 
 
+def test_what_happens_is_logged_and_drawn_while_the_clock_stands_still(ros):
+    bench = ros(use_sim_time=True)
+    clock = bench.client.create_publisher(Clock, "/clock", 10)
+    bench.wait(lambda: clock.get_subscription_count() > 0)
+    clock.publish(Clock(clock=geometry.time_from_nanoseconds(100 * 10**9)))
+    lines = []
+    bench.node.get_logger = lambda: _Log(lines)
+    bench.goal(Z_TURN)
+    bench.wait(lambda: any(line.startswith("FLYING: ") for line in lines))
+    bench.wait(lambda: bench.heard["markers"])
+
+
 def test_simulated_time_paused_and_set_back(ros):
     bench = ros(use_sim_time=True)
     clock = bench.client.create_publisher(Clock, "/clock", 10)

@@ -8,18 +8,22 @@ from riem_planner import S2, SO3, OrientationObstacle, Problem, State, Zone, sol
 from riem_planner.extremals import first_biconjugate_time
 from riem_planner.geometry import so3
 from riem_planner.solver.descent import (
-    MEMORY,
+    SADDLES,
     assemble,
+    begin_stage,
     descend,
     factor,
+    fresh_memory,
     kinetic_stencil,
     positive_definite,
     substitute,
 )
 from riem_planner.solver.search import first_guesses
 from riem_planner.solver.setup import set_up
+from riem_planner.solver.watch import StopFlag
 
 NODES = 9
+NEWEST_COST = 7  # of the recent ones in the memory
 
 
 def slew(space, obstacles=(), tension=2.0, angle=1.4, rates=(0.5, -0.3)):
@@ -197,12 +201,12 @@ def test_shift_adds_the_kinetic_stencil():
     assert x[1:-1] @ matrix[::3, ::3] @ x[1:-1] == pytest.approx(mean @ second**2 + ends)
 
 
-def run(setup, q, soft, side=1.0, most=300, tolerance=1e-10, memory=None):
+def run(setup, q, soft, side=1.0, most=300, tolerance=1e-10, memory=None, stop=None):
     times = np.arange(q.shape[0]) / (q.shape[0] - 1)
-    memory = np.zeros(MEMORY) if memory is None else memory
+    memory = fresh_memory(q.shape[0]) if memory is None else memory
     cost, iterations, converged = descend(
         setup.pointing, setup.table, setup.sigma, times, q, setup.start[4:], setup.goal[4:],
-        soft, tolerance, side, most, memory,
+        soft, tolerance, side, most, memory, (stop or StopFlag()).memory,
     )  # fmt: skip
     return cost, iterations, converged, memory
 
@@ -212,7 +216,7 @@ def test_descent_ends_at_a_minimum_and_never_climbs(space):
     setup = set_up(slew(space, OBSTACLES[space]))
     times, guesses, _ = first_guesses(setup)
     for guess in guesses[:2]:
-        q, memory = guess.copy(), np.zeros(MEMORY)
+        q, memory = guess.copy(), fresh_memory(times.size)
         costs = [assembled(setup, times, q, 0.35)[0]]
         for _ in range(200):
             cost, _, converged, _ = run(setup, q, 0.35, most=1, memory=memory)
@@ -231,12 +235,25 @@ def test_descent_ends_at_a_minimum_and_never_climbs(space):
 def test_iterations_in_portions_are_the_same_descent():
     setup = set_up(slew(SO3, OBSTACLES[SO3]))
     guess = first_guesses(setup)[1][0]
-    whole, parts, memory = guess.copy(), guess.copy(), np.zeros(MEMORY)
+    whole, parts, memory = guess.copy(), guess.copy(), fresh_memory(guess.shape[0])
     cost, iterations, _, _ = run(setup, whole, 0.35)
     for _ in range(iterations + 1):
         last = run(setup, parts, 0.35, most=1, memory=memory)[0]
     assert last == cost
     np.testing.assert_array_equal(parts, whole)
+
+
+def test_a_stop_flag_is_looked_at_before_each_iteration():
+    setup = set_up(slew(SO3, OBSTACLES[SO3]))
+    q = first_guesses(setup)[1][1]
+    assert run(setup, q.copy(), 0.03)[1] > 5
+    stop = StopFlag()
+    stop.set()
+    assert run(setup, q.copy(), 0.03, stop=stop)[1:3] == (0, False)
+    # A flag that is raised while the descent runs: a byte of what it writes in an iteration.
+    memory = fresh_memory(q.shape[0])
+    stop.memory = memory.view(np.uint8)[8 * NEWEST_COST + 7 : 8 * NEWEST_COST + 8]
+    assert run(setup, q.copy(), 0.03, memory=memory, stop=stop)[1:3] == (1, False)
 
 
 def blocked_slew(space):
@@ -254,11 +271,11 @@ def test_a_symmetric_saddle_is_left_both_ways(space):
     middle = times.size // 2
     ways, costs = [], []
     for side in (1.0, -1.0):
-        q, memory = guesses[0].copy(), np.zeros(MEMORY)
+        q, memory = guesses[0].copy(), fresh_memory(times.size)
         for soft, tolerance in ((0.35, 1e-2), (0.1, 1e-2), (0.03, 1e-2), (0.0, 1e-10)):
-            memory[0] = 0.0
+            begin_stage(memory)
             cost, _, converged, _ = run(setup, q, soft, side, tolerance=tolerance, memory=memory)
-        assert memory[1] >= 1.0  # it was a saddle
+        assert memory[SADDLES] >= 1.0  # it was a saddle
         assert converged
         body_to_user = so3.quaternion_to_matrix(so3.quaternion_conjugate(setup.body))
         R = so3.quaternion_to_matrix(q[middle]) @ body_to_user
