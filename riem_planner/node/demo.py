@@ -167,7 +167,7 @@ def _end(processes: Sequence[subprocess.Popen[bytes]]) -> None:
         try:
             process.wait(5.0)
         except subprocess.TimeoutExpired:
-            print(f"{' '.join(process.args[:3])} did not end; killed", file=sys.stderr)
+            print(f"process {process.pid} ({process.args!r}) did not end; killed", file=sys.stderr)
             process.kill()
             process.wait()
 
@@ -205,11 +205,14 @@ def main(arguments: list[str] | None = None) -> int:
 
     listener = Listener((settings.reference_frame, settings.body_frame))
     plans, flies = _commands(settings, path, options.duration)
-    processes = [subprocess.Popen(flies)]
+    spacecraft = subprocess.Popen(flies)
+    processes = [spacecraft]
     try:
-        _wait_for_state(listener, processes[0], stop)
-        processes.insert(0, subprocess.Popen(plans))
-        return Demonstration(settings, options.picture, listener, *processes, stop).run()
+        _wait_for_state(listener, spacecraft, stop)
+        planner = subprocess.Popen(plans)
+        processes.insert(0, planner)
+        show = Demonstration(settings, options.picture, listener, planner, spacecraft, stop)
+        return show.run()
     finally:
         _end(processes)
         listener.close()

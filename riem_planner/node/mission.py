@@ -17,7 +17,7 @@ from riem_planner.node.events import Event, Level, Measurement, Proposal
 from riem_planner.node.planning import Goal, Reason, Request, Result
 from riem_planner.node.safety import Judge, Verdict
 from riem_planner.node.settings import Settings
-from riem_planner.node.timeline import Purpose, Segment, Setpoint, Timeline
+from riem_planner.node.timeline import Purpose, Reference, Segment, Setpoint, Timeline
 from riem_planner.node.world import World
 from riem_planner.problem import Problem
 from riem_planner.solution import Solution, Status
@@ -36,6 +36,10 @@ PATIENCE = 16.0
 """The most that the planning budget is stretched by, for a solve that takes longer."""
 CONTINUOUS = 1e-9
 """A jump of the rate at a splice that is rounding [rad/s]."""
+AHEAD_NS = (0, 50_000_000, 200_000_000, 800_000_000)
+"""How much later what is safe may begin, on a machine that is too busy to find it at once [ns]."""
+_TOO_BUSY = "the machine is too busy to change what flies; tried again"
+_NOT_READY = "the plan was not ready in time"
 
 
 @dataclass
@@ -51,8 +55,8 @@ class Mission:
     ----------
     world
         What is known of zones and obstacles.
-    timeline
-        What is streamed; replaced as a whole, so that any thread may read it.
+    reference
+        What is streamed.
     goal
         Where to go; None if there is nowhere.
     verdict
@@ -61,7 +65,7 @@ class Mission:
 
     settings: Settings
     active: bool = False
-    timeline: Timeline = field(default_factory=Timeline)
+    reference: Reference = field(default_factory=Reference)
     goal: Goal | None = None
     shown: Proposal | None = None
     pending: Request | None = None
@@ -85,6 +89,12 @@ class Mission:
         self._overtaken = 0
         self._told = ""
         self._judged = (-1, 0)
+        self._belated = False
+
+    @property
+    def timeline(self) -> Timeline:
+        """What is streamed, now and later."""
+        return self.reference.timeline
 
     # What comes in ---------------------------------------------------------------------------
 
@@ -98,7 +108,8 @@ class Mission:
         self.active = False
         self._withdraw()
         self._forget_goal()
-        self.timeline, self.verdict, self.leaving = Timeline(), None, False
+        self.reference.end()
+        self.verdict, self.leaving, self._belated = None, False, False
 
     def _forget_goal(self) -> None:
         self.goal, self.shown, self._bound_for, self._slew, self._aim = (None,) * 5
@@ -176,6 +187,9 @@ class Mission:
             self._request(now_ns, Reason.EXECUTE, approved=True)
             return True, "the reference has moved on: planned anew from it, then flown"
         verdict = self._fly(proposal, now_ns if fresh else begin, now_ns)
+        if verdict is None:
+            self._request(now_ns, Reason.EXECUTE, approved=True)
+            return True, "it comes too late for the reference: planned anew, then flown"
         if verdict.certified:
             return True, "flying"
         self.shown = None
@@ -185,7 +199,8 @@ class Mission:
     def tick(self, now_ns: int) -> None:
         """Look after what changes with time: zones that move and grow, goals not reached yet."""
         self.advance(now_ns)
-        if self.timeline and self.world.moving and now_ns - self._judged[1] >= 100_000_000:
+        again = self._belated or (self.world.moving and now_ns - self._judged[1] >= 100_000_000)
+        if self.timeline and again:
             self._judge(now_ns)
         waiting = self.goal is not None and self._bound_for is not self.goal
         if waiting and self.pending is None and self.shown is None and now_ns >= self._retry_ns:
@@ -194,11 +209,13 @@ class Mission:
     def advance(self, now_ns: int) -> None:
         """Note the time. A jump of the clock moves the whole timeline along with it."""
         last, self._last_ns = self._last_ns, now_ns
-        self.timeline = self.timeline.pruned(now_ns)
+        if last is not None:  # what is streamed on while a decision takes long is no jump
+            last = max(last, self.reference.streamed_ns)
+        self.reference.prune(now_ns)
         if last is None or -BACKWARD_NS <= now_ns - last <= FORWARD_NS:
             return
         jump = now_ns - last
-        self.timeline = self.timeline.shifted(jump)
+        self.reference.shift(jump)
         self.world.shift(jump)
         if self._slew is not None:
             self._slew = replace(self._slew, start_ns=self._slew.start_ns + jump)
@@ -228,7 +245,7 @@ class Mission:
             return
         start_ns = self._start(request, now_ns)
         if start_ns is None:
-            self._stretch(now_ns, request, "the plan was not ready in time")
+            self._stretch(now_ns, request, _NOT_READY)
             return
         if not self._continuous(request.start, start_ns):
             self._request(now_ns, request.reason, approved=request.approved)
@@ -244,7 +261,9 @@ class Mission:
             self._tell_plan("SHOWN", "certified; call ~/execute to fly it", proposal)
             return
         verdict = self._fly(proposal, start_ns, now_ns)
-        if not verdict.certified:
+        if verdict is None:
+            self._stretch(now_ns, request, _NOT_READY)
+        elif not verdict.certified:
             # The world has changed since it was asked for; the newest counts.
             self._overtaken += 1
             why = "the world has changed since it was planned: " + "; ".join(verdict.reasons)
@@ -296,7 +315,7 @@ class Mission:
         trajectory = result.solution.trajectory
         assert trajectory is not None  # the caller looked
         slew = Segment(start_ns, trajectory, Purpose.SLEW)
-        segments = (slew,)
+        segments: tuple[Segment, ...] = (slew,)
         if not result.request.goal.resting:
             judge = Judge(self.world, self.settings, now_ns)
             stop = recovery.come_to_rest(Timeline((slew,)), judge, self.settings, slew.end_ns - 1)
@@ -308,8 +327,8 @@ class Mission:
             segments, result.request, result.solution, result.problem, not self.timeline
         )
 
-    def _fly(self, proposal: Proposal, start_ns: int, now_ns: int) -> Verdict:
-        """Put a plan in the timeline, if the timeline is certified with it."""
+    def _fly(self, proposal: Proposal, start_ns: int, now_ns: int) -> Verdict | None:
+        """Put a plan in the timeline, if the timeline is certified with it; None if too late."""
         shift = start_ns - proposal.segments[0].start_ns
         timeline = self.timeline
         for segment in proposal.segments:
@@ -320,8 +339,10 @@ class Mission:
             judged = Timeline(timeline.segments[-len(proposal.segments) :])
         verdict = Judge(self.world, self.settings, now_ns).timeline(judged)
         if verdict.certified:
+            if not self.reference.change(timeline, start_ns):
+                return None
             self._overtaken = 0
-            self.timeline, self.verdict, self.shown = timeline, verdict, None
+            self.verdict, self.shown = verdict, None
             self._bound_for, self._patience = proposal.request.goal, 1.0
             self._aim, self._slew = self._bound_for, timeline.segments[-len(proposal.segments)]
             self._planned_version = self.world.version
@@ -424,7 +445,7 @@ class Mission:
 
     def _judge(self, now_ns: int) -> None:
         """Certify the timeline from now on; where that fails, fly what is safe, and replan."""
-        self._judged = (self.world.version, now_ns)
+        self._judged, self._belated = (self.world.version, now_ns), False
         if not self.timeline or self.world.missing:
             return
         judge = Judge(self.world, self.settings, now_ns)
@@ -435,14 +456,18 @@ class Mission:
             self._look_for_gain(now_ns)
             return
         why = "; ".join(self.verdict.reasons)
-        if self.timeline.at(now_ns + recovery.lead_ns(self.settings)) is None:
-            # It has not begun yet, so that nothing has to be brought to rest.
-            self.timeline, self._bound_for = Timeline(), None
+        begin_ns = self.timeline.segments[0].start_ns
+        unbegun = now_ns + recovery.lead_ns(self.settings) < begin_ns
+        if unbegun and self.reference.change(Timeline(), begin_ns):
+            # Nothing has to be brought to rest.
+            self._bound_for = None
             self._tell(Level.WARN, "OVERTAKEN", f"planned anew: {why}")
             self._request(now_ns, Reason.RETRY)
             return
-        found = recovery.rescue(self.timeline, judge, self.settings)
-        self._take(found)
+        found = self._rescue(now_ns)
+        if found is None:
+            self._tell(Level.ERROR, "LATE", f"{_TOO_BUSY} ({why})")
+            return
         level = Level.WARN if found.certified else Level.ERROR
         self._tell(level, found.purpose.name, f"{found.message} ({why})")
         if self.goal is not None:
@@ -464,10 +489,24 @@ class Mission:
         self.verdict = judge.timeline(after)
         return self.verdict.certified
 
-    def _take(self, found: recovery.Rescue) -> None:
-        self.timeline, self.shown, self._bound_for = found.timeline, None, None
+    def _rescue(self, now_ns: int) -> recovery.Rescue | None:
+        """Fly what is safe; None if it was found too late each time, to be tried again."""
+        for ahead_ns in AHEAD_NS:
+            from_ns = max(now_ns, self.reference.streamed_ns) + ahead_ns
+            judge = Judge(self.world, self.settings, from_ns)
+            found = recovery.rescue(self.timeline, judge, self.settings)
+            if self._take(found):
+                return found
+        self._belated = True
+        return None
+
+    def _take(self, found: recovery.Rescue) -> bool:
+        if not self.reference.change(found.timeline, found.timeline.last.start_ns):
+            return False
+        self.shown, self._bound_for = None, None
         self.leaving = found.purpose is Purpose.WAY_OUT and not found.certified
         self.verdict = found.verdict
+        return True
 
     def _stop(self, now_ns: int) -> str:
         """Come to rest; says how."""
@@ -478,10 +517,9 @@ class Mission:
             return "the way out of a zone is flown to its end, then held"
         judge = Judge(self.world, self.settings, now_ns)
         found = recovery.come_to_rest(self.timeline, judge, self.settings, begin)
-        if found is None:
-            found = recovery.rescue(self.timeline, judge, self.settings)
-        self._take(found)
-        return found.message
+        if found is None or not self._take(found):
+            found = self._rescue(now_ns)
+        return _TOO_BUSY if found is None else found.message
 
     # Telling ------------------------------------------------------------------------------------
 

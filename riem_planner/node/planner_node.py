@@ -39,7 +39,7 @@ class PlannerNode(LifecycleNode):
     """The node `/riem_planner`.
 
     Decisions are the mission's; they are made under one lock. The stream of setpoints reads the
-    mission's timeline, which is replaced as a whole, and never waits for that lock.
+    mission's reference, and never waits for that lock.
 
     Parameters
     ----------
@@ -333,7 +333,7 @@ class PlannerNode(LifecycleNode):
                 self.mission.advance(now_ns)
         elif step <= 0:
             return
-        setpoint = self.mission.timeline.at(now_ns)
+        setpoint = self.mission.reference.stream(now_ns)
         if setpoint is None:
             return
         self._last_stamp = now_ns

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,7 +133,7 @@ def build_problem(
     return Problem(
         start=state_of(start),
         goal=State.from_quaternion_xyzw(goal.quaternion, goal.rate),
-        duration=duration or AUTO,
+        duration=cast(float, duration or AUTO),  # the problem makes a number of it
         space=settings.space,
         normalized_tension=settings.normalized_tension,
         obstacles=world.obstacles(start.stamp_ns),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
@@ -139,3 +140,53 @@ class Timeline:
     def resting(self, time_ns: int) -> bool:
         """Whether the last attitude is held at a time."""
         return bool(self.segments) and time_ns >= self.end_ns
+
+
+class Reference:
+    """The timeline that is streamed, by one thread while others change it.
+
+    However late a change comes, what is streamed goes on without a jump: a change of what has been
+    streamed already is refused.
+
+    Attributes
+    ----------
+    timeline
+        Replaced as a whole.
+    streamed_ns
+        Up to when it has been streamed [ns].
+    """
+
+    def __init__(self) -> None:
+        self.timeline = Timeline()
+        self.streamed_ns = 0
+        self._lock = threading.Lock()  # held for microseconds
+
+    def stream(self, time_ns: int) -> Setpoint | None:
+        """The reference at a time, which is streamed now; None before the first segment."""
+        with self._lock:
+            timeline, self.streamed_ns = self.timeline, time_ns
+        return timeline.at(time_ns)
+
+    def change(self, timeline: Timeline, from_ns: int) -> bool:
+        """Take another timeline that differs from a time [ns] on; False if that comes too late."""
+        with self._lock:
+            late = bool(self.timeline) and self.streamed_ns > from_ns
+            if not late:
+                self.timeline = timeline
+        return not late
+
+    def prune(self, now_ns: int) -> None:
+        """Forget the segments that are over."""
+        with self._lock:
+            self.timeline = self.timeline.pruned(now_ns)
+
+    def shift(self, nanoseconds: int) -> None:
+        """The same motion, that much later: the clock has jumped."""
+        with self._lock:
+            self.timeline = self.timeline.shifted(nanoseconds)
+            self.streamed_ns += nanoseconds
+
+    def end(self) -> None:
+        """Stream nothing any more."""
+        with self._lock:
+            self.timeline = Timeline()

@@ -54,7 +54,16 @@ class Simulation:
         self.now_ns += self.period_ns
         self._work()
         self.mission.tick(self.now_ns)
-        setpoint = self.mission.timeline.at(self.now_ns)
+        self._stream()
+
+    def stream_on(self, seconds):
+        """The stream goes on while the machine is busy with a decision."""
+        for _ in range(round(seconds * SECOND / self.period_ns)):
+            self.now_ns += self.period_ns
+            self._stream()
+
+    def _stream(self):
+        setpoint = self.mission.reference.stream(self.now_ns)
         if setpoint is not None:
             self.setpoints.append(setpoint)
 

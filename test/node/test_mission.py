@@ -118,6 +118,58 @@ def test_a_plan_that_is_late_is_planned_anew_from_a_later_point():
     assert not discontinuities(simulation.setpoints)
 
 
+@pytest.mark.parametrize("seconds", [0.04, 0.1, 0.3])
+def test_on_a_busy_machine_nothing_that_was_streamed_is_changed(monkeypatch, seconds):
+    simulation = _simulation()
+    judged = Judge.timeline
+
+    def slowly(judge, timeline):
+        simulation.stream_on(seconds)
+        return judged(judge, timeline)
+
+    monkeypatch.setattr(Judge, "timeline", slowly)
+    simulation.goal(Z_TURN)
+    simulation.run(2.0, until=lambda: simulation.doing() == "slewing")
+    simulation.run(1.0)
+    simulation.zone("sun", so3.exp(np.array([0.0, 0.0, 1.0])) @ np.array([1.0, 0.0, 0.05]))
+    assert _certified(simulation)
+    simulation.run(2.0)
+    assert simulation.doing() == "slewing"  # anew
+    simulation.goal(X_TURN)
+    simulation.run(3.0)
+    assert simulation.codes()[-1] == "FLYING"
+    _, message = simulation.mission.cancel(simulation.now_ns)
+    assert "certified stop" in message
+    simulation.run(8.0)
+    assert simulation.doing() == "holding"
+    assert not simulation.setpoints[-1].rate.any()
+    assert not discontinuities(simulation.setpoints)
+
+
+def test_a_machine_too_busy_to_find_what_is_safe_tries_again(monkeypatch):
+    simulation = _simulation(duration=60.0)
+    simulation.goal(Z_TURN)
+    simulation.run(1.0)
+    flown = simulation.mission.timeline.last
+    judged, busy = Judge.timeline, [1.5]
+
+    def slowly(judge, timeline):
+        simulation.stream_on(busy[0])
+        return judged(judge, timeline)
+
+    monkeypatch.setattr(Judge, "timeline", slowly)
+    ahead = so3.exp(np.array([0.0, 0.0, 1.49])) @ np.array([1.0, 0.0, 0.25])
+    simulation.zone("sun", ahead)
+    assert [event.code for event in simulation.mission.take_events()] == ["LATE"]
+    assert simulation.mission.timeline.last is flown
+    busy[0] = 0.0
+    simulation.step()
+    assert _certified(simulation)
+    assert simulation.mission.timeline.last is not flown
+    simulation.run(60.0)
+    assert not discontinuities(simulation.setpoints)
+
+
 def test_cancel_comes_to_rest_along_a_certified_stop_and_holds():
     simulation = _simulation()
     simulation.goal(Z_TURN)
