@@ -21,7 +21,7 @@ from riem_planner.certificate.interval import (
     rows_finite,
     sample,
 )
-from riem_planner.compiled import brief_kernel, inlined
+from riem_planner.compiled import inlined, kernel
 
 # Entries of the result of `examine_curve`.
 FINITE, NORM, JOIN, TURN, TURN_TIME, JUMP, JUMP_TIME, RATE = range(8)
@@ -166,7 +166,7 @@ def _check_intervals(result, times, quaternions, rates, accelerations, c, boresi
             result[ROLL_BETWEEN] = max(result[ROLL_BETWEEN], abs(_dot(v, boresight)))
 
 
-@brief_kernel
+@kernel
 def examine_curve(times, quaternions, rates, accelerations, coefficients, ends, boresight, sphere):
     """Largest violations along a curve; the entries are named at the top of this file.
 

@@ -89,7 +89,7 @@ class Mission:
         self._overtaken = 0
         self._told = ""
         self._judged = (-1, 0)
-        self._belated = False
+        self._rescue_due = self._stop_due = False
 
     @property
     def timeline(self) -> Timeline:
@@ -109,7 +109,7 @@ class Mission:
         self._withdraw()
         self._forget_goal()
         self.reference.end()
-        self.verdict, self.leaving, self._belated = None, False, False
+        self.verdict, self.leaving, self._rescue_due, self._stop_due = None, False, False, False
 
     def _forget_goal(self) -> None:
         self.goal, self.shown, self._bound_for, self._slew, self._aim = (None,) * 5
@@ -130,6 +130,7 @@ class Mission:
         if goal.equals(self.goal):
             return False
         self.goal, self.shown, self._patience, self._told = goal, None, 1.0, ""
+        self._stop_due = False
         self._request(now_ns, Reason.GOAL)
         return True
 
@@ -199,8 +200,10 @@ class Mission:
     def tick(self, now_ns: int) -> None:
         """Look after what changes with time: zones that move and grow, goals not reached yet."""
         self.advance(now_ns)
-        again = self._belated or (self.world.moving and now_ns - self._judged[1] >= 100_000_000)
-        if self.timeline and again:
+        again = self._rescue_due or (self.world.moving and now_ns - self._judged[1] >= 100_000_000)
+        if self._stop_due:
+            self._stop(now_ns)
+        elif self.timeline and again:
             self._judge(now_ns)
         waiting = self.goal is not None and self._bound_for is not self.goal
         if waiting and self.pending is None and self.shown is None and now_ns >= self._retry_ns:
@@ -209,12 +212,14 @@ class Mission:
     def advance(self, now_ns: int) -> None:
         """Note the time. A jump of the clock moves the whole timeline along with it."""
         last, self._last_ns = self._last_ns, now_ns
-        if last is not None:  # what is streamed on while a decision takes long is no jump
-            last = max(last, self.reference.streamed_ns)
+        if last is not None:
+            # A decision that takes long is no jump: it was streamed on meanwhile.
+            jump = now_ns - max(last, min(self.reference.streamed_ns, now_ns))
+            if not -BACKWARD_NS <= jump <= FORWARD_NS:
+                self._jump(jump, now_ns)
         self.reference.prune(now_ns)
-        if last is None or -BACKWARD_NS <= now_ns - last <= FORWARD_NS:
-            return
-        jump = now_ns - last
+
+    def _jump(self, jump: int, now_ns: int) -> None:
         self.reference.shift(jump)
         self.world.shift(jump)
         if self._slew is not None:
@@ -445,7 +450,7 @@ class Mission:
 
     def _judge(self, now_ns: int) -> None:
         """Certify the timeline from now on; where that fails, fly what is safe, and replan."""
-        self._judged, self._belated = (self.world.version, now_ns), False
+        self._judged, self._rescue_due = (self.world.version, now_ns), False
         if not self.timeline or self.world.missing:
             return
         judge = Judge(self.world, self.settings, now_ns)
@@ -456,11 +461,7 @@ class Mission:
             self._look_for_gain(now_ns)
             return
         why = "; ".join(self.verdict.reasons)
-        begin_ns = self.timeline.segments[0].start_ns
-        unbegun = now_ns + recovery.lead_ns(self.settings) < begin_ns
-        if unbegun and self.reference.change(Timeline(), begin_ns):
-            # Nothing has to be brought to rest.
-            self._bound_for = None
+        if self._dropped(now_ns):
             self._tell(Level.WARN, "OVERTAKEN", f"planned anew: {why}")
             self._request(now_ns, Reason.RETRY)
             return
@@ -489,15 +490,30 @@ class Mission:
         self.verdict = judge.timeline(after)
         return self.verdict.certified
 
+    def _dropped(self, now_ns: int) -> bool:
+        """Fly nothing, if nothing has begun that would have to be brought to rest."""
+        begin_ns = self.timeline.segments[0].start_ns
+        unbegun = now_ns + recovery.lead_ns(self.settings) < begin_ns
+        if not unbegun or not self.reference.change(Timeline(), begin_ns - 1):
+            return False
+        self._bound_for = None
+        return True
+
     def _rescue(self, now_ns: int) -> recovery.Rescue | None:
         """Fly what is safe; None if it was found too late each time, to be tried again."""
         for ahead_ns in AHEAD_NS:
-            from_ns = max(now_ns, self.reference.streamed_ns) + ahead_ns
-            judge = Judge(self.world, self.settings, from_ns)
+            from_ns = max(now_ns, self.reference.streamed_ns)
+            judge = Judge(self.world, self.settings, from_ns + ahead_ns)
             found = recovery.rescue(self.timeline, judge, self.settings)
-            if self._take(found):
-                return found
-        self._belated = True
+            if not self._take(found):
+                continue
+            if ahead_ns:  # what flies till then counts as well
+                self.verdict = Judge(self.world, self.settings, from_ns).timeline(self.timeline)
+                if not self.verdict.certified:
+                    message = f"{found.message}, but what flies before it is not certified"
+                    return replace(found, certified=False, message=message)
+            return found
+        self._rescue_due = True
         return None
 
     def _take(self, found: recovery.Rescue) -> bool:
@@ -510,15 +526,19 @@ class Mission:
 
     def _stop(self, now_ns: int) -> str:
         """Come to rest; says how."""
+        self._stop_due = False
         begin = now_ns + recovery.lead_ns(self.settings)
         if self.timeline.resting(begin):
             return "held at rest"
+        if self._dropped(now_ns):
+            return "nothing had begun"
         if self.leaving:
             return "the way out of a zone is flown to its end, then held"
         judge = Judge(self.world, self.settings, now_ns)
         found = recovery.come_to_rest(self.timeline, judge, self.settings, begin)
         if found is None or not self._take(found):
             found = self._rescue(now_ns)
+        self._stop_due = found is None
         return _TOO_BUSY if found is None else found.message
 
     # Telling ------------------------------------------------------------------------------------

@@ -65,7 +65,7 @@ class Outputs:
         self._unlogged: deque[Event] = deque()
         self._shown: tuple[Proposal, Samples] | None = None
         self._marker_keys: set[Key] = set()
-        self._drawn: tuple[int, object] = (-1, None)
+        self._drawn: object = None
         self._drawn_at = 0.0
         managed, plain = node.create_lifecycle_publisher, node.create_publisher
         reference = MultiDOFJointTrajectory
@@ -179,7 +179,9 @@ class Outputs:
         """Draw plan and zones, if anything has changed and the last drawing is not too recent."""
         node, shown = self._node, self._shown
         world = node.mission.world
-        state = (world.version, shown)
+        state = (world, world.version, shown)
+        if not node.mission.active:
+            return  # nothing would be published
         if state == self._drawn or time.monotonic() - self._drawn_at < REDRAW:
             return
         self._drawn, self._drawn_at = state, time.monotonic()

@@ -314,8 +314,6 @@ class PlannerNode(LifecycleNode):
             self.get_logger().error(f"fault, the stream goes on: {sentence}")
 
     def _tick(self) -> None:
-        if not self.mission.active:
-            return
         with self.calls() as now_ns:
             self.mission.tick(now_ns)
 

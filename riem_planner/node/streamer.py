@@ -17,7 +17,7 @@ from contextlib import suppress
 LOOK = 0.002
 """Time between two looks at a simulated clock [s]."""
 PRIORITY = 1
-"""Of the thread among real-time ones, the least: it waits for them, not for anything else."""
+"""Of the thread among real-time ones, the least: those of others go first."""
 LONGEST = 0.1
 """How long it sleeps at a time, so that it ends soon when told to [s]."""
 

@@ -336,7 +336,7 @@ def resampled(times, q, new_times):
     return out
 
 
-@brief_kernel
+@kernel
 def crosses_cut(table, times, states):
     """Whether obstacle i may have its cut locus within CUT_WIDTH of interval k, (n, M).
 

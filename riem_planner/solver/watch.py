@@ -65,6 +65,7 @@ class Watch:
         self._asks = should_stop is not None and should_stop is not flag
         self.flag = flag.memory
         self.iterations = 0
+        self._pace, self._looked = 0.0, self._begin  # iterations a second since the last look
 
     @property
     def stride(self) -> int:
@@ -73,7 +74,7 @@ class Watch:
             return 1
         if self._end is None:
             return _FREE_RUN
-        return 1 + int(_LOOK * self.iterations / max(self.elapsed, 1e-6))
+        return 1 + int(_LOOK * self._pace)
 
     @property
     def elapsed(self) -> float:
@@ -92,8 +93,10 @@ class Watch:
         InterruptedSolveError
             The deadline has passed, or the caller asked to stop.
         """
+        now = time.monotonic()
+        self._pace, self._looked = iterations / max(now - self._looked, 1e-6), now
         self.iterations += iterations
         if self._should_stop is not None and self._should_stop():
             raise InterruptedSolveError(Status.CANCELLED)
-        if self._end is not None and time.monotonic() >= self._end:
+        if self._end is not None and now >= self._end:
             raise InterruptedSolveError(Status.OUT_OF_TIME)

@@ -11,8 +11,11 @@ sys.path.insert(0, str(Path(__file__).parent))
 from simulation import SECOND, Simulation, discontinuities, settings
 
 from riem_planner.geometry import so3
+from riem_planner.node import recovery
+from riem_planner.node.events import Level
 from riem_planner.node.reports import samples_of
 from riem_planner.node.safety import Judge
+from riem_planner.node.timeline import Purpose
 from riem_planner.solution import Status
 
 Z_TURN = so3.quaternion_exp(np.array([0.0, 0.0, 1.5]))
@@ -168,6 +171,115 @@ def test_a_machine_too_busy_to_find_what_is_safe_tries_again(monkeypatch):
     assert simulation.mission.timeline.last is not flown
     simulation.run(60.0)
     assert not discontinuities(simulation.setpoints)
+
+
+def test_a_stop_that_comes_too_late_is_tried_again_unless_a_new_goal_comes(monkeypatch):
+    for anew in (False, True):
+        simulation = _simulation(duration=60.0)
+        simulation.goal(Z_TURN)
+        simulation.run(1.0)
+        flown = simulation.mission.timeline.last
+        with monkeypatch.context() as busy:
+            judged = Judge.timeline
+
+            def slowly(judge, timeline, simulation=simulation, judged=judged):
+                simulation.stream_on(1.5)
+                return judged(judge, timeline)
+
+            busy.setattr(Judge, "timeline", slowly)
+            _, message = simulation.mission.cancel(simulation.now_ns)
+            assert "too busy" in message
+            assert simulation.mission.timeline.last is flown
+            if anew:
+                assert simulation.goal(Z_TURN)
+        simulation.run(1.0)
+        if anew:
+            assert simulation.doing() == "slewing"
+        else:
+            assert simulation.mission.timeline.last is not flown
+            simulation.run(30.0)
+            assert simulation.doing() == "holding"
+            assert _distance_to(simulation, Z_TURN) > 0.1
+        assert not discontinuities(simulation.setpoints)
+
+
+def test_what_is_crossed_before_a_late_rescue_is_told(monkeypatch):
+    simulation = _simulation(duration=60.0, sun__half_angle=0.004)
+    simulation.goal(Z_TURN)
+    simulation.run(28.0)
+    rescue, late = recovery.rescue, [0.3, 0.5, 0.7, 0.0]
+
+    def slowly(*given):
+        found = rescue(*given)
+        simulation.stream_on(late.pop(0))
+        return found
+
+    monkeypatch.setattr(recovery, "rescue", slowly)
+    # The sun is crossed after what is streamed meanwhile, before what is found may begin.
+    rate = _attitude(simulation) @ simulation.setpoints[-1].rate
+    boresight = _attitude(simulation) @ np.array([1.0, 0.0, 0.0])
+    simulation.zone("sun", so3.exp(rate * (1.5 + 0.4)) @ boresight)
+    assert not late
+    assert simulation.mission.timeline.last.purpose is Purpose.STOP
+    event = simulation.mission.take_events()[-1]
+    assert (event.code, event.level) == ("STOP", Level.ERROR)
+    assert "what flies before it is not certified" in event.message
+    assert not simulation.mission.verdict.certified
+    assert not discontinuities(simulation.setpoints)
+
+
+def test_a_call_that_is_overtaken_by_the_stream_is_no_jump_of_the_clock():
+    simulation = _simulation()
+    simulation.goal(Z_TURN)
+    simulation.run(1.0)
+    now_ns = simulation.now_ns
+    simulation.stream_on(0.4)
+    simulation.mission.see_zone("sun", np.array([0.0, 0.0, 1.0]), now_ns, now_ns)
+    simulation.run(12.0)
+    assert "CLOCK_JUMP" not in simulation.codes()
+    assert _distance_to(simulation, Z_TURN) < 1e-9
+    assert not discontinuities(simulation.setpoints)
+
+
+def test_the_clock_jumps_over_the_beginning_of_a_later_segment():
+    simulation = _simulation()
+    simulation.goal(Z_TURN, rate=(0.0, 0.0, 0.1))  # a slew, and a stop after it
+    simulation.run(1.0)
+    assert len(simulation.mission.timeline.segments) == 2
+    before = simulation.setpoints[-1]
+    simulation.now_ns += 30 * SECOND
+    simulation.step()
+    after = simulation.setpoints[-1]
+    assert after.stamp_ns == simulation.now_ns
+    assert so3.quaternion_distance(before.quaternion, after.quaternion) < 0.01
+    simulation.run(15.0)
+    assert "CLOCK_JUMP" in simulation.codes()
+    assert simulation.doing() == "holding"
+
+
+def test_a_cancel_before_anything_has_begun_leaves_nothing_to_fly():
+    simulation = _simulation(zones=(), start_orientation=[0.0, 0.0, 0.0, 1.0])
+    rate = np.array([0.0, 0.0, 0.05])
+    now_ns = simulation.now_ns
+    simulation.mission.see_state(np.array([0.0, 0.0, 0.0, 1.0]), rate, now_ns, now_ns)
+    simulation.goal(Z_TURN)
+    simulation.run(1.0, until=lambda: bool(simulation.mission.timeline))
+    assert simulation.mission.timeline.segments[0].start_ns > simulation.now_ns
+    done, message = simulation.mission.cancel(simulation.now_ns)
+    assert done
+    assert "nothing had begun" in message
+    assert not simulation.mission.timeline
+
+
+def test_an_inactive_mission_keeps_the_time():
+    simulation = _simulation()
+    mission = simulation.mission
+    mission.deactivate()
+    simulation.zone("sun", [0.0, 1.0, 0.0])
+    for _ in range(100):
+        simulation.step()
+    mission.activate(simulation.now_ns)
+    assert mission.world.age("sun", simulation.now_ns) == pytest.approx(2.0)
 
 
 def test_cancel_comes_to_rest_along_a_certified_stop_and_holds():
