@@ -4,12 +4,15 @@ Every setpoint is checked against the zones as last received one planning budget
 formulas of their own: nothing of the certificate or of the mission's world is used.
 """
 
+import numpy as np
 import pytest
 
 pytest.importorskip("rclpy")
 
 from episode import Episode
 from simulation import discontinuities
+
+from riem_planner.node.safety import Judge
 
 
 def _check(seeds, seconds, space="so3"):
@@ -39,6 +42,25 @@ def test_no_setpoint_of_a_random_episode_enters_a_zone_or_jumps():
 
 def test_nor_on_s2():
     _check(range(110, 114), 30.0, "s2")
+
+
+def test_no_decision_that_comes_too_late_makes_the_reference_jump(monkeypatch):
+    judged, episode, rng = Judge.timeline, None, np.random.default_rng(0)
+
+    def now_and_then_slowly(judge, timeline):
+        if rng.random() < 0.1:
+            episode.simulation.stream_on(rng.choice([0.02, 0.06, 0.15, 0.4]))
+        return judged(judge, timeline)
+
+    monkeypatch.setattr(Judge, "timeline", now_and_then_slowly)
+    codes = set()
+    for seed in range(12):
+        episode = Episode(seed, "so3" if seed % 4 else "s2")
+        episode.run(15.0)
+        assert not episode.jumps, (seed, episode.jumps[:3])
+        assert not discontinuities(episode.simulation.setpoints), seed
+        codes |= set(episode.simulation.codes())
+    assert "LATE" in codes
 
 
 @pytest.mark.soak
