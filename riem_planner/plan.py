@@ -22,6 +22,7 @@ from riem_planner.obstacles import OrientationObstacle, Zone
 from riem_planner.obstacles.potential import margins_along, rounding, row_margins
 from riem_planner.problem import S2, SO3, Problem, State
 from riem_planner.solution import Alternative, Solution, Status
+from riem_planner.solver import shooting
 from riem_planner.solver.curves import crosses_cut, shift_end
 from riem_planner.solver.descent import positive_definite
 from riem_planner.solver.extremal import Extremal, extremal_near
@@ -47,6 +48,9 @@ _MOST_RESULTS = 3  # extremals that are computed for one problem
 _FINER = (0.3, 0.12, 0.12, 0.12)
 _ROADMAP_TIME = 0.5  # s that the last resort may take
 _INERTIA_NODES = 100  # about as many as decide whether an extremal is a minimum
+# On S^2: rate about the boresight between samples [rad/s], where in an interval a quintic's is
+# greatest, and how often samples are doubled for it.
+_MOST_ROLL, _ROLLS_AT, _MOST_DOUBLINGS = 6e-10, 0.5 + np.array([-0.5, 0.5]) / np.sqrt(5.0), 3
 _CUT_SAMPLES = 100  # an interval, for the part of the cost that rounding the cut locus hides
 _NOTE_FAMILY = (
     "one of many ways of nearly equal cost round an obstacle; which of them is cheapest was not"
@@ -281,6 +285,9 @@ def _best(
     certified.sort(key=lambda item: item[0].cost * (1.0 + item[0].cost_error))
     scale = problem.duration**-3
     best, trajectory, certificate = certified[0]
+    if setup.pointing:
+        trajectory = _without_roll(problem, setup, best, trajectory)
+        certificate = certify(trajectory, problem, table=problem.table)
     alternatives = tuple(
         Alternative(scale * _stated_cost(problem, setup, e, t), c.clearance, t)
         for e, t, c in certified[1:]
@@ -370,8 +377,45 @@ def _stated_cost(
 
 def published(problem: Problem, setup: Setup, extremal: Extremal) -> Trajectory:
     """The trajectory of an extremal, in the user's time and body axes."""
+    return _trajectory(problem, setup, extremal.times, extremal.states)
+
+
+def _without_roll(
+    problem: Problem, setup: Setup, extremal: Extremal, trajectory: Trajectory
+) -> Trajectory:
+    """On S^2 a trajectory with samples so dense that the quintics between them hardly roll.
+
+    Whoever goes on from within them begins without roll about the boresight, and must not jump.
+    """
+    times, states = extremal.times, extremal.states
+    for _ in range(_MOST_DOUBLINGS):
+        inside = trajectory.times[:-1] + _ROLLS_AT[:, None] * np.diff(trajectory.times)
+        rates = trajectory.evaluate_quaternion(inside.ravel())[1]
+        rolling = np.abs(rates @ problem.boresight).reshape(inside.shape).max(axis=0) > _MOST_ROLL
+        if not rolling.any():
+            break
+        times, states = _denser(setup, times, states, rolling)
+        trajectory = _trajectory(problem, setup, times, states)
+    return trajectory
+
+
+def _denser(
+    setup: Setup, times: Array, states: Array, where: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """Samples of an extremal, and those half-way to the next ones `where` (n - 1,)."""
+    n = times.size - 1
+    middles, costs, interpolation = np.empty((n, 13)), np.empty(n), np.empty(n)
+    shooting.measure(
+        setup.pointing, setup.table, setup.sigma, times, np.ascontiguousarray(states),
+        np.empty((n, 12)), middles, costs, interpolation,
+    )  # fmt: skip
+    after = np.flatnonzero(where) + 1
+    half = 0.5 * (times[after] + times[after - 1])
+    return np.insert(times, after, half), np.insert(states, after, middles[where], axis=0)
+
+
+def _trajectory(problem: Problem, setup: Setup, times: Array, states: Array) -> Trajectory:
     T = problem.duration
-    states = extremal.states
     q, v, a = states[:, :4], states[:, 4:7] / T, states[:, 7:10] / T**2
     if setup.pointing:
         back = so3.quaternion_to_matrix(setup.body).T
@@ -382,6 +426,6 @@ def published(problem: Problem, setup: Setup, extremal: Extremal) -> Trajectory:
     if flips.any():
         signs = np.cumprod(np.where(flips, -1.0, 1.0))
         q = np.concatenate([q[:1], signs[:, None] * q[1:]])
-    times = extremal.times * T
+    times = times * T
     times[-1] = T
     return Trajectory(times, q, v, a)
