@@ -36,7 +36,7 @@ export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_
 
 # In a terminal the demonstration gets Ctrl-C for itself, so that its exit code is make's.
 run: $(READY)
-	@if [ -t 0 ]; then set -m; fi; $(PY) -m riem_planner.node.demo $(ARGS); exit $$?
+	@if [ -t 0 ]; then set -m; fi; $(PY) -m riem_planner.demo.demo $(ARGS); exit $$?
 
 test: $(READY)
 	@$(PY) -m pytest -q $(ARGS)
@@ -51,7 +51,7 @@ basilisk: $(BASILISK_READY)
 	@PYTHONPATH=$(CURDIR) $(BASILISK)/bin/python -m benchmark.basilisk $(ARGS)
 
 figures: $(READY)
-	@$(PY) -m riem_planner.offline.figures $(ARGS)
+	@$(PY) -m riem_planner.paper.figures $(ARGS)
 
 lint: $(READY)
 	@$(PY) -m ruff check .

@@ -68,9 +68,9 @@ setup(
     entry_points={
         "console_scripts": [
             "planner_node = riem_planner.node.main:main",
-            "spacecraft_sim = riem_planner.node.spacecraft_sim:main",
-            "riem_plan = riem_planner.offline.command:main",
-            "riem_figures = riem_planner.offline.figures:main",
+            "spacecraft_sim = riem_planner.spacecraft_sim.main:main",
+            "riem_plan = riem_planner.riem_plan.command:main",
+            "riem_figures = riem_planner.paper.figures:main",
         ],
     },
 )

@@ -8,9 +8,9 @@ import numpy as np
 
 from benchmark.report import Table
 from riem_planner import certify, plan
-from riem_planner.dynamics import Spacecraft
-from riem_planner.flight import fly
-from riem_planner.offline.problem_files import read_problem
+from riem_planner.files.problem_files import read_problem
+from riem_planner.simulation.dynamics import Spacecraft
+from riem_planner.simulation.flight import fly
 
 PROBLEMS = Path(__file__).resolve().parents[1] / "config/problems"
 

@@ -53,7 +53,7 @@ def nanoseconds_from_time(message: Time, field: str = "header.stamp") -> int:
     if message.sec < 0 or not 0 <= message.nanosec < SECOND:
         value = f"{message.sec} s {message.nanosec} ns"
         raise MessageError(field, value, "a stamp from zero on with less than 1e9 ns")
-    return message.sec * SECOND + message.nanosec
+    return int(message.sec * SECOND + message.nanosec)
 
 
 def time_from_nanoseconds(nanoseconds: int) -> Time:

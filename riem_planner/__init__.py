@@ -5,9 +5,9 @@ from riem_planner.errors import InvalidProblemError, PlanningError, RiemPlannerE
 from riem_planner.extremals import extremal
 from riem_planner.limits import Limits
 from riem_planner.obstacles import OrientationObstacle, Zone
-from riem_planner.plan import plan, solve, solve_many, warm_up
 from riem_planner.problem import S2, SO3, Problem, Space, State
 from riem_planner.solution import Alternative, Solution, Status
+from riem_planner.solve import plan, solve, solve_many, warm_up
 from riem_planner.trajectory import Trajectory
 
 __version__ = "0.1.0"

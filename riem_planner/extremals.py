@@ -22,11 +22,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from riem_planner.checks import finite_array, non_negative_number, positive_number
 from riem_planner.errors import InvalidProblemError, RiemPlannerError
 from riem_planner.geometry import so3
 from riem_planner.obstacles.force import cross, potential_and_force
 from riem_planner.problem import S2, SO3, Problem, Space, State
-from riem_planner.validation import finite_array, non_negative_number, positive_number
 
 Array = NDArray[np.float64]
 
@@ -138,7 +138,7 @@ def extremal(
     Parameters
     ----------
     space
-        `SO3`, `S2`, or a space of `riem_planner.geometry.matrix_space`.
+        `SO3`, `S2`, or a space of `riem_planner.manifolds.matrix_space`.
     state
         Initial attitude and body rate (`State`); on a matrix space a `GeneralState`.
     acceleration, jerk : (n,)
@@ -170,7 +170,7 @@ def extremal(
         The extremal leaves every bound before the duration.
     """
     if not isinstance(space, Space):
-        from riem_planner.general.extremal import general_extremal
+        from riem_planner.manifolds.extremal import general_extremal
 
         return general_extremal(
             space,

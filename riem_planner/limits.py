@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from riem_planner.checks import finite_array, frozen, positive_number
 from riem_planner.errors import InvalidProblemError
-from riem_planner.validation import finite_array, frozen, positive_number
 
 Array = NDArray[np.float64]
 

@@ -9,6 +9,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from riem_planner.checks import (
+    finite_array,
+    frozen,
+    non_negative_number,
+    positive_number,
+    rotation_matrix,
+    unit_quaternion,
+    unit_vector,
+)
 from riem_planner.errors import InvalidProblemError
 from riem_planner.geometry import so3
 from riem_planner.limits import Limits
@@ -18,15 +27,6 @@ from riem_planner.obstacles import (
     OrientationObstacle,
     Zone,
     obstacle_table,
-)
-from riem_planner.validation import (
-    finite_array,
-    frozen,
-    non_negative_number,
-    positive_number,
-    rotation_matrix,
-    unit_quaternion,
-    unit_vector,
 )
 
 Array = NDArray[np.float64]

@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from riem_planner.compiled import brief_kernel, inlined
+from riem_planner.checks import frozen
 from riem_planner.errors import InvalidProblemError
 from riem_planner.geometry import so3
 from riem_planner.geometry.quaternions import relative, turn
-from riem_planner.validation import frozen
+from riem_planner.kernels import brief_kernel, inlined
 
 Array = NDArray[np.float64]
 

@@ -1,8 +1,14 @@
-"""Puts this folder on the import path, so that tests in every room can share its helpers."""
+"""Puts the folders of helpers on the import path, so that tests in every room can share them."""
+
+import sys
+from pathlib import Path
 
 import pytest
 
 from riem_planner import warm_up
+
+for folder in ("mission", "node"):
+    sys.path.insert(0, str(Path(__file__).parent / folder))
 
 
 @pytest.fixture(scope="session", autouse=True)

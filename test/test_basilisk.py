@@ -18,8 +18,8 @@ from benchmark.basilisk.reference import (
 )
 from riem_planner import SO3, Problem, State, plan
 from riem_planner.certificate.clearance import clearance_along
+from riem_planner.files.problem_files import read_problem
 from riem_planner.geometry import so3
-from riem_planner.offline.problem_files import read_problem
 
 PROBLEM = Path(__file__).parents[1] / "config/problems/bevo2_case1.yaml"
 

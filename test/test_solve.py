@@ -27,7 +27,7 @@ from riem_planner import (
     solve,
 )
 from riem_planner.geometry import so3, sphere
-from riem_planner.plan import _is_minimum, _stated_cost, published, solve_many
+from riem_planner.solve import _is_minimum, _stated_cost, published, solve_many
 from riem_planner.solver.extremal import INTERVAL, extremal_near
 from riem_planner.solver.setup import set_up
 from riem_planner.solver.watch import StopFlag, Watch

@@ -19,8 +19,8 @@ from riem_planner import (
     solve,
 )
 from riem_planner.certificate.extremality import extremality, potential_and_force
+from riem_planner.files.problem_files import read_problem
 from riem_planner.geometry import so3
-from riem_planner.offline.problem_files import read_problem
 from riem_planner.torque import refine_torque, torque_extremality
 from riem_planner.torque.cost import Motion, TorqueCost
 from riem_planner.torque.splines import SplineMesh

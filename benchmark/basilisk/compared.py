@@ -20,8 +20,8 @@ from benchmark.basilisk.published import HOLD, PROBLEMS, craft_of
 from benchmark.basilisk.reference import Reference, streamed
 from benchmark.report import Table
 from riem_planner import Problem, solve
+from riem_planner.files.problem_files import read_problem
 from riem_planner.geometry import so3
-from riem_planner.offline.problem_files import read_problem
 
 REFINEMENTS = range(4, 11)  # N of the grid; the scenario's is 8
 _REACHED = np.radians(0.1)

@@ -11,8 +11,8 @@ from benchmark.basilisk.plant import STEP, Craft, fly
 from benchmark.basilisk.reference import streamed
 from benchmark.report import Table
 from riem_planner import Problem, certify, plan
+from riem_planner.files.problem_files import read_problem
 from riem_planner.geometry import so3
-from riem_planner.offline.problem_files import read_problem
 
 PROBLEMS = Path(__file__).resolve().parents[2] / "config/problems"
 

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from riem_planner import Trajectory
-from riem_planner.dynamics import Target
 from riem_planner.geometry import so3
+from riem_planner.simulation.dynamics import Target
 
 Array = NDArray[np.float64]
 

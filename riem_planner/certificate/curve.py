@@ -21,7 +21,7 @@ from riem_planner.certificate.interval import (
     rows_finite,
     sample,
 )
-from riem_planner.compiled import inlined, kernel
+from riem_planner.kernels import inlined, kernel
 
 # Entries of the result of `examine_curve`.
 FINITE, NORM, JOIN, TURN, TURN_TIME, JUMP, JUMP_TIME, RATE = range(8)

@@ -33,7 +33,7 @@ from riem_planner.certificate.interval import (
     rotated,
     rows_finite,
 )
-from riem_planner.compiled import inlined, kernel
+from riem_planner.kernels import inlined, kernel
 
 TIGHTNESS = 1e-4
 """A reported clearance is less than the true one by at most this [rad], ..."""

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from riem_planner.compiled import inlined
+from riem_planner.kernels import inlined
 
 
 @inlined

@@ -28,7 +28,7 @@ from riem_planner.certificate.interval import (
     motion_bounds,
     norm,
 )
-from riem_planner.compiled import inlined, kernel
+from riem_planner.kernels import inlined, kernel
 
 TIGHTNESS = 1e-4
 """A bound is more than the greatest value found by at most this part."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from riem_planner.compiled import brief_kernel
+from riem_planner.kernels import brief_kernel
 
 Array = NDArray[np.float64]
 

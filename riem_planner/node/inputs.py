@@ -29,7 +29,7 @@ from msg_adapters.geometry import (
     direction_from_vector,
 )
 from msg_adapters.pose_array import orientations_from_cdr
-from riem_planner.node.planning import Goal
+from riem_planner.mission.planning import Goal
 
 if TYPE_CHECKING:
     from riem_planner.node.planner_node import PlannerNode

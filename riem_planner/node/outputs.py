@@ -24,11 +24,12 @@ from msg_adapters.geometry import quaternion_stamped
 from msg_adapters.markers import Key, markers_from_scene
 from msg_adapters.pose_array import cdr_from_orientations
 from msg_adapters.trajectory import Samples, SetpointMessage, cdr_from_samples
-from riem_planner.node import health, reports
-from riem_planner.node.events import Event, Level, Proposal
+from riem_planner.mission import health
+from riem_planner.mission.events import Event, Level, Proposal
+from riem_planner.mission.mission import Mission
+from riem_planner.mission.timeline import Setpoint
+from riem_planner.node import reports
 from riem_planner.node.inputs import overriding
-from riem_planner.node.mission import Mission
-from riem_planner.node.timeline import Setpoint
 
 if TYPE_CHECKING:
     from riem_planner.node.planner_node import PlannerNode

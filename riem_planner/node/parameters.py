@@ -18,7 +18,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from riem_planner.errors import InvalidProblemError
-from riem_planner.node.settings import (
+from riem_planner.mission.settings import (
     SPECIFICATIONS,
     ZONE_SPECIFICATIONS,
     Settings,

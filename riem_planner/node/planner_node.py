@@ -15,16 +15,16 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from std_srvs.srv import Trigger
 
+from riem_planner.mission.mission import BACKWARD_NS, FORWARD_NS, Mission
+from riem_planner.mission.planning import Goal, Result
+from riem_planner.mission.settings import Settings
 from riem_planner.node.executor import BesideGroup
 from riem_planner.node.inputs import Inputs
-from riem_planner.node.mission import BACKWARD_NS, FORWARD_NS, Mission
 from riem_planner.node.outputs import Outputs
 from riem_planner.node.parameters import Parameters
-from riem_planner.node.planning import Goal, Result
-from riem_planner.node.settings import Settings
 from riem_planner.node.streamer import Streamer
 from riem_planner.node.worker import Worker
-from riem_planner.plan import warm_up
+from riem_planner.solve import warm_up
 
 SUCCESS = TransitionCallbackReturn.SUCCESS
 FAILURE = TransitionCallbackReturn.FAILURE

@@ -12,10 +12,10 @@ from msg_adapters import status as status_messages
 from msg_adapters.markers import Cap, Scene
 from msg_adapters.trajectory import Samples
 from riem_planner.geometry import so3
-from riem_planner.node.events import Event, Level, Proposal
-from riem_planner.node.health import Health
-from riem_planner.node.settings import Settings
-from riem_planner.node.world import World
+from riem_planner.mission.events import Event, Level, Proposal
+from riem_planner.mission.health import Health
+from riem_planner.mission.settings import Settings
+from riem_planner.mission.zone_tracker import World
 from riem_planner.obstacles import Zone
 
 Array = NDArray[np.float64]

@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from riem_planner.node.planning import Request, Result, carry_out
+from riem_planner.mission.planning import Request, Result, carry_out
 from riem_planner.solution import Solution, Status
 from riem_planner.solver.watch import StopFlag
 

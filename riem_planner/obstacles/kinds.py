@@ -9,9 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from riem_planner.errors import InvalidProblemError
-from riem_planner.geometry import so3, sphere
-from riem_planner.validation import (
+from riem_planner.checks import (
     finite_array,
     finite_number,
     frozen,
@@ -20,6 +18,8 @@ from riem_planner.validation import (
     rotation_matrix,
     unit_vector,
 )
+from riem_planner.errors import InvalidProblemError
+from riem_planner.geometry import so3, sphere
 
 Array = NDArray[np.float64]
 

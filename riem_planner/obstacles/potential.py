@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from riem_planner.compiled import brief_kernel, inlined, kernel
+from riem_planner.kernels import brief_kernel, inlined, kernel
 from riem_planner.obstacles.table import (
     BORESIGHT,
     GROUP,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from riem_planner.compiled import brief_kernel, inlined, kernel
 from riem_planner.geometry.quaternions import ratio, relative, tilt, turn
+from riem_planner.kernels import brief_kernel, inlined, kernel
 from riem_planner.obstacles.potential import CUT_WIDTH, potential, towards
 from riem_planner.obstacles.table import GROUP, RADIUS, RANGE_ON, RATE
 

@@ -16,8 +16,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from riem_planner.compiled import brief_kernel, inlined, kernel
 from riem_planner.geometry.quaternions import turn
+from riem_planner.kernels import brief_kernel, inlined, kernel
 from riem_planner.obstacles.potential import potential
 
 _MAX_STEP = 0.7  # rad a node may move in one iteration

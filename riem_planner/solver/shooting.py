@@ -16,8 +16,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from riem_planner.compiled import brief_kernel, inlined, kernel
 from riem_planner.geometry.quaternions import ratio, relative, rotated, tilt, turn
+from riem_planner.kernels import brief_kernel, inlined, kernel
 from riem_planner.obstacles.potential import first_derivatives, potential
 from riem_planner.solver.dop853 import NODES, STAGE_WEIGHTS, STAGES, WEIGHTS
 

@@ -26,9 +26,9 @@ from visualization_msgs.msg import MarkerArray
 
 from msg_adapters import geometry
 from msg_adapters.trajectory import samples_from_reference
+from riem_planner.mission.timeline import Setpoint
 from riem_planner.node.executor import NodeExecutor
 from riem_planner.node.planner_node import PlannerNode
-from riem_planner.node.timeline import Setpoint
 
 FRAME, BODY = "inertial", "base_link"
 OUTPUTS = {

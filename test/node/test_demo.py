@@ -16,11 +16,11 @@ import yaml
 pytest.importorskip("rclpy")
 
 from riem_planner import certify, solve
+from riem_planner.demo.demo import Demonstration, main, problem_of, settings_of
+from riem_planner.demo.listener import Flown
+from riem_planner.demo.report import achieved_clearance, clearance_table, tracking_error
 from riem_planner.geometry import so3
-from riem_planner.node.demo import Demonstration, main, problem_of, settings_of
-from riem_planner.node.demo_listener import Flown
-from riem_planner.node.demo_report import achieved_clearance, clearance_table, tracking_error
-from riem_planner.offline.straight import straight_slew
+from riem_planner.plots.straight import straight_slew
 
 DEMO = Path(__file__).resolve().parents[2] / "config" / "demo.yaml"
 
@@ -33,7 +33,7 @@ def slew():
 
 def _start(config, picture):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([os.getcwd(), *sys.path[1:]])}
-    command = [sys.executable, "-m", "riem_planner.node.demo"]
+    command = [sys.executable, "-m", "riem_planner.demo.demo"]
     return subprocess.Popen(
         [*command, "--config", str(config), "--picture", str(picture)],
         env=environment, stderr=subprocess.STDOUT, stdout=subprocess.PIPE, text=True,

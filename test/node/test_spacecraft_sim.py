@@ -24,7 +24,7 @@ from msg_adapters.geometry import attitude_from_odometry, time_from_nanoseconds
 from msg_adapters.trajectory import SetpointMessage
 from riem_planner.errors import InvalidProblemError
 from riem_planner.geometry import so3
-from riem_planner.node.spacecraft_node import SPECIFICATIONS, SpacecraftNode
+from riem_planner.spacecraft_sim.spacecraft_node import SPECIFICATIONS, SpacecraftNode
 
 SECOND = 1_000_000_000
 FRAMES = "inertial", "base_link"
@@ -213,7 +213,7 @@ def test_a_signal_ends_it_with_code_zero(number):
     command = [
         sys.executable,
         "-m",
-        "riem_planner.node.spacecraft_sim",
+        "riem_planner.spacecraft_sim.main",
         "--ros-args",
         "-p",
         "step_rate:=100.0",

@@ -19,7 +19,7 @@ from riem_planner.extremals import (
 )
 from riem_planner.geometry import so3, sphere
 from riem_planner.obstacles.potential import potential
-from riem_planner.plan import published
+from riem_planner.solve import published
 from riem_planner.solver.curves import mesh_and_states, shift_end
 from riem_planner.solver.extremal import INTERVAL, extremal_near
 from riem_planner.solver.search import local_search

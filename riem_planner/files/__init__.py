@@ -1,0 +1,1 @@
+"""Problem and plan files: read, checked by key, and written."""

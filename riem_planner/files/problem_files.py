@@ -1,0 +1,310 @@
+"""Problem files: YAML documents and JSON lines to a `Problem`.
+
+A file states what a `Problem` takes, in degrees where a key says `_deg` and in the units of
+the Python interface otherwise; README.md lists the keys. Every error names the key by its
+whole path, the value, and what to do.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from riem_planner.checks import unit_vector
+from riem_planner.errors import InvalidProblemError
+from riem_planner.files.documents import decoded, parse_json, parse_yaml
+from riem_planner.files.section import Section, joined, number_at, shown, within
+from riem_planner.limits import QUANTITIES, UNITS, Limits, checked_inertia
+from riem_planner.obstacles import Obstacle, OrientationObstacle, Zone
+from riem_planner.problem import AUTO, S2, SO3, Problem, Space, State, horizontal_rate
+
+_SPACES = {space.name: space for space in (SO3, S2)}
+_TOP = (
+    "name", "space", "boresight", "duration", "tension", "normalized_tension", "start", "goal",
+    "obstacles", "limits", "inertia",
+)  # fmt: skip
+_COMMON = ("name", "kind", "strength", "normalized_strength", "rate")
+_OBSTACLE_KEYS = {
+    "orientation": (*_COMMON, "orientation", "radius_deg", "range_deg"),
+    "keep_out": (*_COMMON, "direction", "boresight", "half_angle_deg", "range_deg"),
+    "keep_in": (*_COMMON, "direction", "boresight", "half_angle_deg", "group"),
+}
+_QUATERNION = "a unit quaternion [x, y, z, w]"
+_LIMIT = "a number above 0, or three of them"
+
+
+class StateInZoneError(InvalidProblemError):
+    """The start or the goal of a problem is inside a zone."""
+
+
+def read_problem(path: Path) -> Problem:
+    """Problem of a `.yaml`, `.yml` or `.json` file.
+
+    Raises
+    ------
+    InvalidProblemError
+        The file is wrong; the error names the key, the value and the remedy.
+    OSError
+        The file can't be read.
+    """
+    parse = {".yaml": parse_yaml, ".yml": parse_yaml, ".json": parse_json}.get(path.suffix.lower())
+    if parse is None:
+        raise InvalidProblemError(
+            "file name",
+            f"expected one ending in .yaml, .json or .jsonl, got {path.name}; rename it",
+        )
+    return parse_problem(parse(decoded(path.read_bytes())))
+
+
+def parse_problem(document: Any) -> Problem:
+    """Problem that a parsed document states; raises as `read_problem`."""
+    top = Section("", document, _TOP)
+    space = _SPACES[top.choice("space", tuple(_SPACES))]
+    name = top.text("name", "")
+    boresight = _direction(top, "boresight", [1.0, 0.0, 0.0])
+    limits = _limits(top)
+    problem = Problem(
+        start=_state(top, "start", space, boresight),
+        goal=_state(top, "goal", space, boresight),
+        duration=_duration(top, limits),
+        space=space,
+        tension=top.number("tension", None),
+        normalized_tension=top.number("normalized_tension", None),
+        obstacles=tuple(_obstacles(top)),
+        boresight=boresight,
+        name=name,
+        limits=limits,
+    )
+    _check_end_states(problem, top)
+    return problem
+
+
+def _duration(top: Section, limits: Limits | None) -> float:
+    expected = f"a number of seconds above 0, or {AUTO} with limits"
+    value = top.value("duration", expected=expected)
+    if value == AUTO:
+        if limits is None:
+            raise InvalidProblemError(
+                "limits",
+                f"missing; duration: {AUTO} is the least within limits, so give them, such as"
+                " {rate: 0.02} in rad/s",
+            )
+        return math.inf
+    number: float = top.number("duration", expected=expected)
+    if number <= 0.0:
+        raise InvalidProblemError("duration", f"expected {expected}, got {shown(value)}")
+    return number
+
+
+def _limits(top: Section) -> Limits | None:
+    inertia = _inertia(top) if "inertia" in top else None
+    if "limits" not in top:
+        return None
+    values = top.value("limits")
+    if isinstance(values, dict) and "inertia" in values:
+        raise InvalidProblemError("limits.inertia", "move it out: inertia stands beside limits")
+    section = Section("limits", values, QUANTITIES)
+    bounds = {
+        name: _bound(section, name, unit)
+        for name, unit in zip(QUANTITIES, UNITS, strict=True)
+        if name in section
+    }
+    return Limits(**bounds, inertia=inertia)
+
+
+def _bound(section: Section, name: str, unit: str) -> float | list[float]:
+    key, value = section.key(name), section.value(name)
+    if isinstance(value, list) and len(value) == 1:
+        value = value[0]
+    if not isinstance(value, list):
+        return _positive(key, value, f"{_LIMIT} [{unit}]")
+    if len(value) != 3:
+        raise InvalidProblemError(key, f"expected {_LIMIT} [{unit}], got {shown(value)}")
+    return [
+        _positive(f"{key}[{i}]", entry, f"a number above 0 [{unit}]")
+        for i, entry in enumerate(value)
+    ]
+
+
+def _positive(key: str, value: Any, expected: str) -> float:
+    number = number_at(key, value, expected)
+    if number <= 0.0:
+        raise InvalidProblemError(key, f"expected {expected}, got {shown(value)}")
+    return number
+
+
+def _inertia(top: Section) -> Any:
+    value = top.value("inertia")
+    rows = value if isinstance(value, list) else []
+    if len(rows) == 3 and all(isinstance(row, list) and len(row) == 3 for row in rows):
+        rows = [entry for row in rows for entry in row]
+    if len(rows) != 9:
+        raise InvalidProblemError(
+            "inertia",
+            "expected nine numbers in kg m^2, row by row ([2, 0, 0, 0, 2, 0, 0, 0, 3] for principal"
+            f" moments of 2, 2, 3), got {shown(value)}",
+        )
+    numbers = [number_at(f"inertia[{i}]", entry, "a number") for i, entry in enumerate(rows)]
+    return checked_inertia(np.reshape(numbers, (3, 3)))
+
+
+def _direction(section: Section, name: str, default: Any = None) -> Any:
+    options = {} if default is None else {"default": default}
+    vector = section.numbers(name, 3, expected="a direction, a list of 3 numbers", **options)
+    with within(section.path):
+        return unit_vector(name, vector)
+
+
+def _state(top: Section, name: str, space: Space, boresight: Any) -> State:
+    keys = ["orientation", "angular_velocity"]
+    if space == S2:
+        keys += ["direction", "velocity"]
+    section = Section(name, top.value(name, expected="an end state"), keys)
+    if space == S2 and len(section.given("orientation", "direction")) != 1:
+        raise InvalidProblemError(
+            name,
+            "expected either direction or orientation on s2, got "
+            + ("both; remove one" if "direction" in section else "neither; give one"),
+        )
+    if "direction" in section:
+        return _state_of_direction(section, boresight)
+    quaternion = section.numbers("orientation", 4, expected=_QUATERNION)
+    rate = section.numbers("angular_velocity", 3, [0.0, 0.0, 0.0])
+    with within(name):
+        state = State.from_quaternion_xyzw(quaternion, rate)
+    if "velocity" not in section:
+        return state
+    if "angular_velocity" in section:
+        raise InvalidProblemError(
+            section.key("velocity"),
+            "given beside angular_velocity, which says the same; remove one",
+        )
+    velocity = np.array(section.numbers("velocity", 3))
+    R = state.orientation
+    with within(name):
+        return State(R, horizontal_rate(R, R @ boresight, velocity, boresight))
+
+
+def _state_of_direction(section: Section, boresight: Any) -> State:
+    if "angular_velocity" in section:
+        raise InvalidProblemError(
+            section.key("angular_velocity"),
+            "a direction moves with a velocity [rad/s], tangent to the sphere; give that",
+        )
+    direction = _direction(section, "direction")
+    velocity = section.numbers("velocity", 3, [0.0, 0.0, 0.0])
+    with within(section.path):
+        return State.from_direction(direction, velocity, boresight)
+
+
+def _obstacles(top: Section) -> list[Obstacle]:
+    entries = top.value("obstacles", [])
+    if not isinstance(entries, list):
+        raise InvalidProblemError("obstacles", f"expected a list, got {shown(entries)}")
+    return [_obstacle(f"obstacles[{i}]", entry) for i, entry in enumerate(entries)]
+
+
+def _obstacle(path: str, entry: Any) -> Obstacle:
+    every_key = sorted({key for keys in _OBSTACLE_KEYS.values() for key in keys})
+    kind = Section(path, entry, every_key).choice("kind", tuple(_OBSTACLE_KEYS))
+    section = Section(path, entry, _OBSTACLE_KEYS[kind])
+    common = {
+        "name": section.text("name", None),
+        "rate": section.numbers("rate", 3, [0.0, 0.0, 0.0]),
+        **_strength(section),
+    }
+    size = "radius_deg" if kind == "orientation" else "half_angle_deg"
+    radius_deg = _angle(section, size, positive=kind == "keep_in")
+    if kind != "keep_in":
+        common["range"] = _range(section, radius_deg, size)
+    if kind == "orientation":
+        quaternion = section.numbers("orientation", 4, expected=_QUATERNION)
+        with within(path):
+            attitude = State.from_quaternion_xyzw(quaternion).orientation
+        return OrientationObstacle(attitude, radius=math.radians(radius_deg), **common)
+    return Zone(
+        _direction(section, "direction"),
+        math.radians(radius_deg),
+        boresight=_direction(section, "boresight") if "boresight" in section else None,
+        kind="keep_in" if kind == "keep_in" else "keep_out",
+        group=section.text("group", None),
+        **common,
+    )
+
+
+def _strength(section: Section) -> dict[str, float]:
+    given = section.given("strength", "normalized_strength")
+    if len(given) != 1:
+        raise InvalidProblemError(
+            section.key("strength"),
+            "expected exactly one of strength, normalized_strength, got "
+            + ("both; remove one" if given else "neither; normalized_strength: 0.01 is usual"),
+        )
+    number = section.number(given[0])
+    if number <= 0.0:
+        raise InvalidProblemError(
+            section.key(given[0]),
+            f"expected a number above 0, got {number:g}; an obstacle that is not to count is left"
+            " out",
+        )
+    return {given[0]: number}
+
+
+def _angle(section: Section, name: str, *, positive: bool) -> float:
+    least = "above 0" if positive else "of at least 0"
+    expected = f"an angle {least} and below 180 degrees"
+    if positive and name not in section:
+        raise InvalidProblemError(section.key(name), f"missing; give {expected}")
+    degrees: float = section.number(name, 0.0)
+    if not 0.0 <= degrees < 180.0 or (positive and degrees == 0.0):
+        raise InvalidProblemError(section.key(name), f"expected {expected}, got {degrees:g}")
+    return degrees
+
+
+def _range(section: Section, radius_deg: float, size: str) -> tuple[float, float] | None:
+    if "range_deg" not in section:
+        return None
+    on, off = section.numbers("range_deg", 2, expected="[on, off], two angles in degrees")
+    if not radius_deg < on < off < 180.0:
+        raise InvalidProblemError(
+            section.key("range_deg"),
+            f"expected {size} < on < off < 180, got {size} {radius_deg:g}, on {on:g}, off {off:g}",
+        )
+    return math.radians(on), math.radians(off)
+
+
+def _check_end_states(problem: Problem, top: Section) -> None:
+    """Refuse a start or a goal inside a zone; a goal's zones stand where they are at the end."""
+    moving = any(np.any(obstacle.rate) for obstacle in problem.obstacles)
+    arrival = problem.duration if moving else 0.0
+    ends = [("start", problem.start, 0.0), ("goal", problem.goal, arrival)]
+    if math.isinf(arrival):
+        ends.pop()  # where the zones will be is not known yet
+    for key, state, time in ends:
+        for name, margin in problem.margins(state.orientation, time).items():
+            if margin <= 0.0:
+                raise _in_zone(problem, top, key, name, margin)
+
+
+def _in_zone(
+    problem: Problem, top: Section, key: str, name: str, margin: float
+) -> StateInZoneError:
+    given = "direction" if "direction" in top.value(key) else "orientation"
+    value = shown(top.value(key)[given])
+    degrees = math.degrees(-margin)
+    names = {str(obstacle.name): obstacle for obstacle in problem.obstacles}
+    obstacle = names.get(name)
+    if isinstance(obstacle, Zone) and obstacle.kind == "keep_out":
+        where = f"is {degrees:.4g} degrees inside the keep_out zone {name!r}"
+        remedy = "move it out, or make the zone smaller"
+    elif isinstance(obstacle, OrientationObstacle):
+        where = f"is {degrees:.4g} degrees inside the radius of the obstacle {name!r}"
+        remedy = "move it out, or make the radius smaller"
+    else:
+        what = "the keep_in zone" if obstacle is not None else "every zone of the keep_in group"
+        where = f"is {degrees:.4g} degrees outside {what} {name!r}"
+        remedy = "move it in, or make the zone larger"
+    return StateInZoneError(joined(key, given), f"{value} {where}; {remedy}")

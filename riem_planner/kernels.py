@@ -1,0 +1,107 @@
+"""How the project compiles: one decorator, so that every kernel has the same settings.
+
+Kernels are compiled by Numba on first use and cached on disk; all but brief ones release the
+interpreter lock, so that a solve in a worker thread never delays the stream of setpoints.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import threading
+from collections.abc import Callable
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+
+# Reassociation and contraction let LLVM vectorise the reductions. Infinity keeps its meaning, but
+# tests for it must be comparisons: `isfinite(x)` is `x - x == 0`, which reassociation makes true.
+_FASTMATH = {"reassoc", "contract", "nsz", "arcp"}
+
+# Where kernels are, and the constants that are compiled into them.
+_COMPILED_ROOMS = (
+    "kernels.py", "trajectory.py", "geometry/*.py", "obstacles/*.py", "solver/*.py",
+    "certificate/*.py",
+)  # fmt: skip
+
+_MESSAGE_AFTER = 1.5  # s; loading from the cache takes less
+
+
+@cache
+def _cache_directory() -> str:
+    """Where kernels of just this source are kept.
+
+    Numba looks at the file of a kernel only, not at those whose functions are compiled into it,
+    so a change elsewhere would leave old machine code in use. A folder for each state of the
+    package's sources rules that out.
+    """
+    package = Path(__file__).parent
+    digest = hashlib.sha256()
+    for room in _COMPILED_ROOMS:
+        for source in sorted(package.glob(room)):
+            digest.update(source.read_bytes())
+    name = f"kernels-{digest.hexdigest()[:16]}"
+    if os.environ.get("NUMBA_CACHE_DIR"):
+        return str(Path(os.environ["NUMBA_CACHE_DIR"]) / name)
+    if os.access(package, os.W_OK):
+        return str(package / "__pycache__" / name)
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return str(Path(home) / "riem_planner" / name)
+
+
+def kernel(function: Callable[..., Any], *, nogil: bool = True) -> Callable[..., Any]:
+    """Compile a function to machine code on first use, cached on disk, without the GIL."""
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = _cache_directory()
+    try:
+        return numba.njit(  # type: ignore[no-any-return]
+            function, cache=True, nogil=nogil, error_model="numpy", fastmath=_FASTMATH
+        )
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+def brief_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A `kernel` of microseconds, which keeps the GIL.
+
+    Where another thread waits for it, to get it back would take longer than the kernel does.
+    """
+    return kernel(function, nogil=False)
+
+
+def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a small function that LLVM is to expand where it is called."""
+    return numba.njit(  # type: ignore[no-any-return]
+        function,
+        nogil=True,
+        error_model="numpy",
+        fastmath=_FASTMATH,
+        forceinline=True,
+        no_cpython_wrapper=True,  # never called from Python: a fifth less to compile
+        no_cfunc_wrapper=True,
+    )
+
+
+@contextmanager
+def announced(notify: Callable[[str], None]) -> Any:
+    """Call `notify` once if the body takes longer than loading cached kernels does.
+
+    Parameters
+    ----------
+    notify
+        Receives one sentence: what is going on and how long it takes.
+    """
+    timer = threading.Timer(
+        _MESSAGE_AFTER,
+        notify,
+        ["compiling the solver, once on this machine (a minute or so); later starts take a second"],
+    )
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()

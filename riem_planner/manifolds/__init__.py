@@ -1,0 +1,17 @@
+"""The general theory: extremals and boundary-value problems on spaces given by matrices."""
+
+from riem_planner.manifolds.extremal import GeneralExtremal, general_extremal
+from riem_planner.manifolds.problem import GeneralProblem, GeneralState, PointObstacle
+from riem_planner.manifolds.solution import GeneralSolution, GeneralTrajectory
+from riem_planner.manifolds.solver import solve_general
+
+__all__ = [
+    "GeneralExtremal",
+    "GeneralProblem",
+    "GeneralSolution",
+    "GeneralState",
+    "GeneralTrajectory",
+    "PointObstacle",
+    "general_extremal",
+    "solve_general",
+]

@@ -1,0 +1,152 @@
+"""Extremals on the spaces given by matrices: the field, and initial-value integration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.integrate import DOP853
+
+from riem_planner.checks import finite_array, non_negative_number, positive_number
+from riem_planner.errors import InvalidProblemError
+from riem_planner.manifolds.matrix_space import MatrixSpace, Real
+from riem_planner.manifolds.problem import (
+    Array,
+    GeneralState,
+    PointObstacle,
+    Repulsion,
+    checked_obstacles,
+    checked_state,
+)
+
+Field = Callable[[Array, Real], tuple[Array, Real]]
+
+
+def extremal_field(space: MatrixSpace, sigma: float, repulsion: Repulsion) -> Field:
+    """Rates of a lift (..., N, N) and of `(v, v', v'')` (..., 3, n) along an extremal."""
+
+    def field(g: Array, w: Real) -> tuple[Array, Real]:
+        v, a, j = w[..., 0, :], w[..., 1, :], w[..., 2, :]
+        snap = space.curvature_term(v, a, j) + sigma * a
+        if repulsion.elements:
+            snap = snap - repulsion.force(g)
+        return g @ space.algebra(v), np.stack([a, j, snap], axis=-2)
+
+    return field
+
+
+def runge_kutta_step(field: Field, g: Array, w: Real, h: Array | float) -> tuple[Array, Real]:
+    """One step of the eighth-order rule of DOP853, of lengths h (...), batched."""
+    h = np.asarray(h, dtype=float)
+    h_g, h_w = h[..., None, None], h[..., None, None]
+    rates: list[tuple[Array, Real]] = []
+    for stage in range(DOP853.n_stages):
+        row = DOP853.A[stage, :stage]
+        at_g, at_w = g, w
+        for c, (g_rate, w_rate) in zip(row, rates, strict=True):
+            if c != 0.0:
+                at_g, at_w = at_g + c * h_g * g_rate, at_w + c * h_w * w_rate
+        rates.append(field(at_g, at_w))
+    end_g, end_w = g, w
+    for c, (g_rate, w_rate) in zip(DOP853.B, rates, strict=True):
+        end_g, end_w = end_g + c * h_g * g_rate, end_w + c * h_w * w_rate
+    return end_g, end_w
+
+
+@dataclass(frozen=True, eq=False)
+class GeneralExtremal:
+    """A solution of the first-order conditions on [0, duration].
+
+    Parameters
+    ----------
+    space
+        Where it lives.
+    duration
+        T [s].
+    tension
+        sigma [1/s^2].
+    obstacles
+        What repels.
+    """
+
+    space: MatrixSpace
+    duration: float
+    tension: float
+    obstacles: tuple[PointObstacle, ...]
+    _dense: Callable[[Array], Array]
+
+    def evaluate(self, t: ArrayLike) -> tuple[Array, Real, Real, Real]:
+        """Lifts (..., N, N), and v, v', v'' (..., n), at times (...) [s].
+
+        Raises
+        ------
+        ValueError
+            A time is outside [0, duration].
+        """
+        times = np.asarray(t, dtype=float)
+        if not np.all((times >= 0.0) & (times <= self.duration)):
+            raise ValueError(f"t must lie in [0, {self.duration:.9g}] s, got {times}")
+        y = np.moveaxis(self._dense(times.ravel()), 0, -1)
+        g, w = _unpacked(self.space, y)
+        v, a, j = (w[:, k].reshape(*times.shape, -1) for k in range(3))
+        return g.reshape(*times.shape, *g.shape[-2:]), v, a, j
+
+    def hamiltonian(self, t: ArrayLike) -> Real:
+        """H (...) at times (...) [s], constant along the extremal."""
+        from riem_planner.extremals import hamiltonian
+
+        g, v, a, j = self.evaluate(t)
+        potential = Repulsion(self.space, self.obstacles).potential(g)
+        return hamiltonian(v, a, j, self.tension, potential)
+
+
+def _packed(g: Array, w: Real) -> Real:
+    flat = np.reshape(g, -1)
+    return np.concatenate([flat.real, flat.imag, np.reshape(w, -1)])
+
+
+def _unpacked(space: MatrixSpace, y: Real) -> tuple[Array, Real]:
+    n = space.size**2
+    real, imaginary = y[..., :n], y[..., n : 2 * n]
+    g = real + 1j * imaginary if np.iscomplexobj(space.basis) else real
+    shape = y.shape[:-1]
+    return g.reshape(*shape, space.size, space.size), y[..., 2 * n :].reshape(*shape, 3, -1)
+
+
+def general_extremal(
+    space: MatrixSpace,
+    state: GeneralState,
+    acceleration: ArrayLike,
+    jerk: ArrayLike,
+    obstacles: Sequence[PointObstacle] = (),
+    tension: float = 0.0,
+    *,
+    duration: float,
+    tolerance: float = 1e-13,
+    step: float | None = None,
+) -> GeneralExtremal:
+    """The extremal with given initial values; see `riem_planner.extremals.extremal`."""
+    from riem_planner.extremals import integrate
+
+    if not isinstance(space, MatrixSpace):
+        raise InvalidProblemError(
+            "space", f"expected SO3, S2 or a MatrixSpace, got {type(space).__name__}"
+        )
+    T = positive_number("duration", duration)
+    sigma = non_negative_number("tension", tension)
+    state = checked_state(space, "state", state)
+    points = checked_obstacles(space, tuple(obstacles))
+    a = finite_array("acceleration", acceleration, (space.dimension,))
+    j = finite_array("jerk", jerk, (space.dimension,))
+    repulsion = Repulsion(space, points)
+    if not np.isfinite(repulsion.potential(state.element)):
+        raise InvalidProblemError("state", "expected a start outside of every obstacle")
+    field = extremal_field(space, sigma, repulsion)
+
+    def flat(_: float, y: Real) -> Real:
+        return _packed(*field(*_unpacked(space, y)))
+
+    start = _packed(state.element, np.stack([np.asarray(state.rate), a, j]))
+    return GeneralExtremal(space, T, sigma, points, integrate(flat, start, T, tolerance, step))

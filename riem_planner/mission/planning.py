@@ -1,0 +1,220 @@
+"""One planning request: what is asked, and how it is carried out beside the stream."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import Enum
+from typing import Literal, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from riem_planner.mission.settings import Settings
+from riem_planner.mission.timeline import Setpoint
+from riem_planner.mission.zone_tracker import World
+from riem_planner.obstacles import Zone
+from riem_planner.problem import AUTO, Problem, State
+from riem_planner.solution import Solution, Status
+from riem_planner.solve import solve
+from riem_planner.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_FASTER = 2.0  # a kept arrival time may raise the peak rate that much, no more
+_SHARE = 0.5  # of the time left, for an attempt that others may follow
+_QUADRATURE = 400  # intervals of the cost of a trajectory that no solve has priced
+
+
+class Reason(Enum):
+    """Why a plan is asked for."""
+
+    GOAL = "a new goal"
+    OBSTACLE = "what flew is no longer certified"
+    GAIN = "a cheaper class may have opened"
+    REQUEST = "a request to plan anew"
+    EXECUTE = "an approved plan, from the present reference"
+    RETRY = "the goal is not reached yet"
+
+
+@dataclass(frozen=True, eq=False)
+class Goal:
+    """Where to go: quaternion (4,), x, y, z, w, and body rate (3,) [rad/s] on arrival."""
+
+    quaternion: Array
+    rate: Array
+
+    def equals(self, other: Goal | None) -> bool:
+        """Whether it is the same goal, to rounding; q and -q are the same."""
+        return (
+            other is not None
+            and abs(abs(float(self.quaternion @ other.quaternion)) - 1.0) < 1e-12
+            and bool(np.all(np.abs(self.rate - other.rate) < 1e-9))
+        )
+
+    @property
+    def resting(self) -> bool:
+        """Whether it is reached at rest."""
+        return not np.any(self.rate)
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """One problem to try, how to search, and the largest rate to accept [rad/s]."""
+
+    problem: Problem
+    search: Literal["global", "local"]
+    warm_start: Trajectory | None = None
+    fastest: float = float("inf")
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """What the worker is to plan.
+
+    Parameters
+    ----------
+    reason
+        Why.
+    goal
+        Where to.
+    attempts
+        Tried in order; the first that is solved counts.
+    deadline
+        Of all attempts together [s].
+    splice_ns
+        Where the plan is to begin [ns].
+    start
+        The reference there.
+    fresh
+        Nothing is streamed yet, so the plan may begin whenever it is ready.
+    approved
+        To be flown without asking again.
+    """
+
+    reason: Reason
+    goal: Goal
+    attempts: tuple[Attempt, ...]
+    deadline: float
+    splice_ns: int
+    start: Setpoint
+    fresh: bool
+    approved: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What became of a request: the solution, the problem it solves, the time it took [s]."""
+
+    request: Request
+    solution: Solution
+    problem: Problem
+    elapsed: float
+
+
+def state_of(setpoint: Setpoint) -> State:
+    """A setpoint as the end of a problem."""
+    return State.from_quaternion_xyzw(setpoint.quaternion, setpoint.rate)
+
+
+def build_problem(
+    settings: Settings, world: World, start: Setpoint, goal: Goal, duration: float
+) -> Problem:
+    """The problem from a reference state to a goal, in the world as it will be at the start.
+
+    A duration of 0 is the least within the limits.
+
+    Raises
+    ------
+    InvalidProblemError
+        A value is wrong, such as a goal on s2 that rolls.
+    """
+    return Problem(
+        start=state_of(start),
+        goal=State.from_quaternion_xyzw(goal.quaternion, goal.rate),
+        duration=cast(float, duration or AUTO),  # the problem makes a number of it
+        space=settings.space,
+        normalized_tension=settings.normalized_tension,
+        obstacles=world.obstacles(start.stamp_ns),
+        boresight=settings.boresight,
+        limits=settings.limits,
+    )
+
+
+def carry_out(request: Request, should_stop: Callable[[], bool] = lambda: False) -> Result:
+    """Solve a request; never raises for what can't be solved."""
+    begin = time.monotonic()
+    worst: tuple[Solution, Problem] | None = None
+    last = request.attempts[-1]
+    for attempt in request.attempts:
+        left = request.deadline - (time.monotonic() - begin)
+        if worst is not None and (left <= 0.0 or should_stop()):
+            break
+        solution = solve(
+            attempt.problem,
+            deadline=max(left if attempt is last else _SHARE * left, 1e-3),
+            should_stop=should_stop,
+            warm_start=attempt.warm_start,
+            search=attempt.search,
+        )
+        certificate = solution.certificate
+        if solution.solved and certificate is not None:
+            if certificate.rate_bound <= attempt.fastest:
+                problem = replace(attempt.problem, duration=certificate.trajectory.duration)
+                return Result(request, solution, problem, time.monotonic() - begin)
+            continue
+        worst = (solution, attempt.problem)
+        if solution.status in (Status.CANCELLED, Status.START_IN_ZONE):
+            break
+    if worst is None:
+        nothing = Solution(Status.NO_CERTIFIED_TRAJECTORY, "no plan keeps to a sensible rate")
+        worst = (nothing, request.attempts[-1].problem)
+    return Result(request, *worst, time.monotonic() - begin)
+
+
+def attempts_anew(problem: Problem) -> tuple[Attempt, ...]:
+    """Search everywhere, in the configured duration."""
+    return (Attempt(problem, "global"),)
+
+
+def attempts_keeping(
+    kept: Problem, anew: Problem, warm_start: Trajectory, peak_rate: float
+) -> tuple[Attempt, ...]:
+    """The same side in the same time if possible, else any side, else the duration anew."""
+    fastest = _FASTER * peak_rate
+    return (
+        Attempt(kept, "local", warm_start, fastest),
+        Attempt(kept, "global", None, fastest),
+        Attempt(anew, "global"),
+    )
+
+
+def potential_along(problem: Problem, attitudes: Array, times: Array) -> Array:
+    """Sum of all potentials V (n,) [rad^2/s^4] at attitudes (n, 3, 3) and times (n,) [s]."""
+    total = np.zeros(len(times))
+    groups: dict[str, Array] = {}
+    for obstacle in problem.obstacles:
+        distance, r = obstacle.distance(attitudes, times), obstacle.radius
+        tau = problem.strength_of(obstacle)
+        if isinstance(obstacle, Zone) and obstacle.kind == "keep_in":
+            depth = np.maximum(0.0, (r**2 - distance**2) / (2.0 * r))
+            name = obstacle.group if obstacle.group is not None else str(obstacle.name)
+            groups[name] = groups.get(name, np.zeros(len(times))) + depth**4 / tau**2
+        else:
+            total += tau / np.maximum(distance - r, 1e-9) ** 2
+    for depths in groups.values():
+        total += 1.0 / np.sqrt(np.maximum(depths, 1e-30))
+    return total
+
+
+def cost_along(problem: Problem, trajectory: Trajectory, begin: float = 0.0) -> float:
+    """Cost [rad^2/s^3] of a trajectory from a time in it [s] on, by Simpson's rule."""
+    times = np.linspace(begin, trajectory.duration, _QUADRATURE + 1)
+    attitudes, v, a = trajectory.evaluate(times)
+    lagrangian = np.sum(a * a, axis=1) + problem.sigma * np.sum(v * v, axis=1)
+    lagrangian = lagrangian + potential_along(problem, attitudes, times - begin)
+    weights = np.full(times.size, 2.0)
+    weights[1::2] = 4.0
+    weights[[0, -1]] = 1.0
+    return float(0.5 * weights @ lagrangian * (times[1] - times[0]) / 3.0)

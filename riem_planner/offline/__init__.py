@@ -1,1 +1,0 @@
-"""Planning without ROS: problem files, plan files, the `riem_plan` command, plots."""

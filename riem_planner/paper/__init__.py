@@ -1,0 +1,1 @@
+"""The paper's figures and table: as printed, corrected, and as boundary-value problems."""

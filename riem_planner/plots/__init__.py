@@ -1,0 +1,1 @@
+"""Pictures of plans: boresight paths among the zones, rates, clearances."""

@@ -1,0 +1,1 @@
+"""The `riem_plan` command: plans, batches and checks of problem and plan files."""

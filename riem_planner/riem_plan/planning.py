@@ -1,0 +1,124 @@
+"""From a problem to what is published: solve, resample evenly, certify again."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from riem_planner.certificate import Certificate, certify
+from riem_planner.geometry import so3
+from riem_planner.problem import Problem
+from riem_planner.riem_plan.least_torque import check_least_torque, with_least_torque
+from riem_planner.solution import Solution, Status
+from riem_planner.solve import solve
+from riem_planner.trajectory import Trajectory
+
+DEFAULT_SAMPLES = 201
+_DEVIATION = 1e-4  # rad between samples, beyond which a plan is no longer the one solved for
+_DOUBLINGS = 4  # of the samples, before the certificate of the samples is given up
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What a plan file holds.
+
+    Parameters
+    ----------
+    problem
+        What was solved, with the duration that was found where it asked for the least.
+    solution
+        Outcome of the solve; its status is NO_CERTIFIED_TRAJECTORY if the samples are refused.
+    trajectory
+        The evenly sampled trajectory; None unless certified.
+    certificate
+        The verdict on that trajectory itself; None where there is none to judge.
+    """
+
+    problem: Problem
+    solution: Solution
+    trajectory: Trajectory | None = None
+    certificate: Certificate | None = None
+
+    @property
+    def certified(self) -> bool:
+        """Whether it holds a certified trajectory."""
+        return self.trajectory is not None
+
+
+def plan_problem(
+    problem: Problem, samples: int = DEFAULT_SAMPLES, *, least_torque: bool = False
+) -> Plan:
+    """Plan a problem; what can't be planned is a value, as in `solve`.
+
+    Parameters
+    ----------
+    problem
+        What to solve.
+    samples
+        Number of evenly spaced samples, at least 2. Between them a plan means the quintic of
+        `Trajectory`, so few samples are another trajectory than was solved for: if its
+        certificate fails, the number is doubled, up to four times.
+    least_torque
+        Whether to minimise torque, from the paths of least acceleration on.
+
+    Raises
+    ------
+    InvalidProblemError
+        Torque is to be minimised, and the problem has no inertia or is on s2.
+    """
+    if least_torque:
+        check_least_torque(problem)
+    solution = solve(problem)
+    if not solution.solved or solution.trajectory is None:
+        return Plan(problem, solution)
+    problem = with_duration_of(problem, solution.trajectory)
+    if least_torque:
+        solution = with_least_torque(problem, solution)
+    return _publish(problem, solution, samples)
+
+
+def with_duration_of(problem: Problem, trajectory: Trajectory) -> Problem:
+    """The problem with a trajectory's duration, where it asks for the least."""
+    if not problem.has_auto_duration:
+        return problem
+    return replace(problem, duration=trajectory.duration)
+
+
+def _sampling_notes(solved: Trajectory, sampled: Trajectory, asked: int) -> list[str]:
+    notes = []
+    count = sampled.times.size
+    if count != asked:
+        notes.append(f"{count} samples instead of {asked}, which could not be certified")
+    between = 0.5 * (sampled.times[1:] + sampled.times[:-1])
+    q, planned = sampled.evaluate_quaternion(between)[0], solved.evaluate_quaternion(between)[0]
+    deviation = float(np.max(so3.quaternion_distance(q, planned)))
+    if deviation > _DEVIATION:
+        notes.append(
+            f"{count} samples leave the least-cost path by up to {math.degrees(deviation):.3g} deg"
+        )
+    return notes
+
+
+def _publish(problem: Problem, solution: Solution, samples: int) -> Plan:
+    assert solution.trajectory is not None
+    count = samples
+    for _ in range(_DOUBLINGS + 1):
+        sampled = solution.trajectory.resampled(count)
+        certificate = certify(sampled, problem)
+        if certificate.certified:
+            notes = (*solution.notes, *_sampling_notes(solution.trajectory, sampled, samples))
+            return Plan(problem, replace(solution, notes=notes), sampled, certificate)
+        count = 2 * count - 1
+    refused = replace(
+        solution,
+        status=Status.NO_CERTIFIED_TRAJECTORY,
+        message=(
+            f"no certified trajectory: one was found, but none of up to {(count + 1) // 2} even"
+            f" samples: {'; '.join(certificate.reasons)}; ask for more samples"
+        ),
+        trajectory=None,
+        certificate=certificate,
+    )
+    return Plan(problem, refused, certificate=certificate)

@@ -1,0 +1,1 @@
+"""A rigid spacecraft with wheels and controller, and flights of trajectories with it. No ROS."""

@@ -1,0 +1,1 @@
+"""The simulated spacecraft as a ROS node."""

@@ -1,0 +1,104 @@
+"""Parameters: what is declared, what the file lists, what is refused."""
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+from simulation import settings
+
+from riem_planner.errors import InvalidProblemError
+from riem_planner.mission.settings import (
+    SPECIFICATIONS,
+    ZONE_SPECIFICATIONS,
+    default_values,
+    settings_from_values,
+)
+
+PLANNER = Path(__file__).resolve().parents[2] / "config" / "planner.yaml"
+DEMO = PLANNER.with_name("demo.yaml")
+
+
+def _unit(text):
+    return re.findall(r"\[([^\[\]]*)\]\s*$", text)
+
+
+def test_the_file_lists_every_parameter_with_its_default_and_unit():
+    text = PLANNER.read_text()
+    listed = yaml.safe_load(text)["/riem_planner"]["ros__parameters"]
+    expected = {s.name: s.default if s.default is not None else [] for s in SPECIFICATIONS}
+    assert listed == expected
+    for specification in SPECIFICATIONS:
+        (line,) = [
+            row for row in text.splitlines() if row.strip().startswith(f"{specification.name}:")
+        ]
+        assert "#" in line
+        assert _unit(line) == _unit(specification.description)
+        assert ("(*)" in line) == (specification.change == "unconfigured")
+        assert ("(**)" in line) == (specification.change == "never")
+
+
+def test_the_file_lists_every_parameter_of_a_zone():
+    rows = re.findall(r"^ *# (zones\.sun\.[a-z_]+: .*)$", PLANNER.read_text(), re.MULTILINE)
+    listed = yaml.safe_load("\n".join(rows))
+    assert listed == {f"zones.sun.{s.name}": s.default for s in ZONE_SPECIFICATIONS}
+    for row, specification in zip(rows, ZONE_SPECIFICATIONS, strict=True):
+        assert _unit(row) == _unit(specification.description)
+
+
+def test_the_demonstration_is_the_published_manoeuvre():
+    from riem_planner import certify
+    from riem_planner.demo.demo import problem_of, settings_of
+    from riem_planner.plots.straight import straight_slew
+
+    problem = problem_of(settings_of(DEMO))
+    published = yaml.safe_load((PLANNER.parent / "problems" / "bevo2_case2.yaml").read_text())
+    for state, key in ((problem.start, "start"), (problem.goal, "goal")):
+        cosine = state.quaternion_xyzw @ published[key]["orientation"]  # q and -q are the same
+        assert abs(cosine) == pytest.approx(1.0)
+    assert not certify(straight_slew(problem), problem).certified
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [
+        ("duration", -1.0, "duration"),
+        ("duration", float("nan"), "duration"),
+        ("duration", 0.0, "limits"),
+        ("space", "r3", "so3 or s2"),
+        ("boresight", [0.0, 0.0, 0.0], "boresight"),
+        ("boresight", [1.0, 0.0], "3 numbers"),
+        ("start.orientation", [1.0, 1.0, 0.0, 0.0], "unit quaternion"),
+        ("goal.orientation", [0.0, 0.0, 0.0], "4 numbers"),
+        ("limits.torque", 1.0, "inertia"),
+        ("limits.rate", [0.1, 0.1], "1 or 3"),
+        ("inertia", [1.0] * 8, "9 numbers"),
+        ("zones.sun.half_angle", -0.1, "zones.sun.half_angle"),
+        ("zones.sun.kind", "keep_off", "keep_out or keep_in"),
+        ("zones.sun.group", "sensors", "keep_in"),
+        ("zones.sun.direction", [0.0, 0.0, 0.0], "zones.sun.direction"),
+        ("zone_names", ["sun", "sun"], "twice"),
+        ("reference_frame", "", "frame"),
+    ],
+)
+def test_wrong_values_are_refused_by_name(name, value, told):
+    values = {**default_values(("sun",)), name: value}
+    with pytest.raises(InvalidProblemError, match=re.escape(told)):
+        settings_from_values(values)
+
+
+def test_unset_is_none_and_a_scalar_limit_is_of_the_norm():
+    given = settings(limits_DOT_rate=0.1)
+    assert given.goal_orientation is None
+    assert given.limits.rate == 0.1
+    assert settings().limits is None
+
+
+def test_the_rviz_configuration_shows_the_topics_of_the_node():
+    shown = yaml.safe_load(PLANNER.with_name("planner.rviz").read_text())
+    displays = shown["Visualization Manager"]["Displays"]
+    topics = {d["Topic"]["Value"]: d["Topic"] for d in displays if "Topic" in d}
+    assert {"/riem_planner/markers", "/riem_planner/trajectory"} <= topics.keys()
+    assert topics["/riem_planner/markers"]["Durability Policy"] == "Transient Local"
+    frame = shown["Visualization Manager"]["Global Options"]["Fixed Frame"]
+    assert frame == settings().reference_frame
