@@ -1,7 +1,8 @@
 """Text to plain values: YAML of the 1.2 core schema, and JSON, with duplicate keys kept track of.
 
 YAML 1.1, which most parsers speak, reads `1e-3` as text, `1:30` as ninety and `no` as false.
-Here a number is what looks like one, and only `true` and `false` are booleans.
+Here a number is what looks like one, and only `true` and `false` are booleans. Its merge keys
+(`<<: *anchor`) are understood: keys of the mapping itself count more than merged ones.
 """
 
 from __future__ import annotations
@@ -48,13 +49,35 @@ _CoreLoader.add_implicit_resolver("tag:yaml.org,2002:null", re.compile("^$"), ["
 
 def _construct_mapping(loader: _CoreLoader, node: yaml.MappingNode) -> Mapping:
     pairs = []
+    merged: dict[str, Any] = {}
     for key_node, value_node in node.value:
+        if isinstance(key_node, yaml.ScalarNode) and _is_merge(key_node):
+            # Of several the first one counts (YAML's type repository), so the last goes first.
+            for source in reversed(_merge_sources(loader, value_node)):
+                merged |= source
+            continue
         if not isinstance(key_node, yaml.ScalarNode):
             raise yaml.constructor.ConstructorError(
                 None, None, "a key must be a word", key_node.start_mark
             )
         pairs.append((key_node.value, loader.construct_object(value_node, deep=True)))
-    return Mapping(pairs)
+    own = {key for key, _ in pairs}
+    return Mapping([(key, value) for key, value in merged.items() if key not in own] + pairs)
+
+
+def _is_merge(node: yaml.ScalarNode) -> bool:
+    return node.value == "<<" and node.style is None
+
+
+def _merge_sources(loader: _CoreLoader, node: yaml.Node) -> list[Mapping]:
+    """The mappings that a merge key `<<` names: one, or a list of them."""
+    value = loader.construct_object(node, deep=True)
+    sources = value if isinstance(value, list) else [value]
+    if not all(isinstance(source, Mapping) for source in sources):
+        raise yaml.constructor.ConstructorError(
+            None, None, "<< expects a mapping, or a list of mappings", node.start_mark
+        )
+    return sources
 
 
 def _construct_float(loader: _CoreLoader, node: yaml.ScalarNode) -> float:

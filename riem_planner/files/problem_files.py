@@ -15,8 +15,10 @@ import numpy as np
 
 from riem_planner.checks import unit_vector
 from riem_planner.errors import InvalidProblemError
+from riem_planner.files.attitudes import ATTITUDE_KEYS, read_attitude
 from riem_planner.files.documents import decoded, parse_json, parse_yaml
 from riem_planner.files.section import Section, joined, number_at, shown, within
+from riem_planner.geometry import so3
 from riem_planner.limits import QUANTITIES, UNITS, Limits, checked_inertia
 from riem_planner.obstacles import Obstacle, OrientationObstacle, Zone
 from riem_planner.problem import AUTO, S2, SO3, Problem, Space, State, horizontal_rate
@@ -28,11 +30,10 @@ _TOP = (
 )  # fmt: skip
 _COMMON = ("name", "kind", "strength", "normalized_strength", "rate")
 _OBSTACLE_KEYS = {
-    "orientation": (*_COMMON, "orientation", "radius_deg", "range_deg"),
+    "orientation": (*_COMMON, *ATTITUDE_KEYS, "radius_deg", "range_deg"),
     "keep_out": (*_COMMON, "direction", "boresight", "half_angle_deg", "range_deg"),
     "keep_in": (*_COMMON, "direction", "boresight", "half_angle_deg", "group"),
 }
-_QUATERNION = "a unit quaternion [x, y, z, w]"
 _LIMIT = "a number above 0, or three of them"
 
 
@@ -159,19 +160,21 @@ def _direction(section: Section, name: str, default: Any = None) -> Any:
 
 
 def _state(top: Section, name: str, space: Space, boresight: Any) -> State:
-    keys = ["orientation", "angular_velocity"]
+    keys = [*ATTITUDE_KEYS, "angular_velocity"]
     if space == S2:
         keys += ["direction", "velocity"]
     section = Section(name, top.value(name, expected="an end state"), keys)
-    if space == S2 and len(section.given("orientation", "direction")) != 1:
-        raise InvalidProblemError(
-            name,
-            "expected either direction or orientation on s2, got "
-            + ("both; remove one" if "direction" in section else "neither; give one"),
-        )
+    if space == S2:
+        attitude = bool(section.given(*ATTITUDE_KEYS))
+        if attitude == ("direction" in section):
+            raise InvalidProblemError(
+                name,
+                "expected either direction or orientation on s2, got "
+                + ("both; remove one" if attitude else "neither; give one"),
+            )
     if "direction" in section:
         return _state_of_direction(section, boresight)
-    quaternion = section.numbers("orientation", 4, expected=_QUATERNION)
+    quaternion = read_attitude(section)
     rate = section.numbers("angular_velocity", 3, [0.0, 0.0, 0.0])
     with within(name):
         state = State.from_quaternion_xyzw(quaternion, rate)
@@ -221,9 +224,7 @@ def _obstacle(path: str, entry: Any) -> Obstacle:
     if kind != "keep_in":
         common["range"] = _range(section, radius_deg, size)
     if kind == "orientation":
-        quaternion = section.numbers("orientation", 4, expected=_QUATERNION)
-        with within(path):
-            attitude = State.from_quaternion_xyzw(quaternion).orientation
+        attitude = so3.quaternion_to_matrix(read_attitude(section))
         return OrientationObstacle(attitude, radius=math.radians(radius_deg), **common)
     return Zone(
         _direction(section, "direction"),
@@ -292,7 +293,7 @@ def _check_end_states(problem: Problem, top: Section) -> None:
 def _in_zone(
     problem: Problem, top: Section, key: str, name: str, margin: float
 ) -> StateInZoneError:
-    given = "direction" if "direction" in top.value(key) else "orientation"
+    given = next(name for name in ("direction", *ATTITUDE_KEYS) if name in top.value(key))
     value = shown(top.value(key)[given])
     degrees = math.degrees(-margin)
     names = {str(obstacle.name): obstacle for obstacle in problem.obstacles}

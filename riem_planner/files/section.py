@@ -148,6 +148,17 @@ class Section:
             number_at(f"{self.key(name)}[{i}]", entry, "a number") for i, entry in enumerate(value)
         ]
 
+    def rows(self, name: str, count: int | None, width: int, *, expected: str) -> list[list[float]]:
+        """A list of `count` rows (None: any number) of `width` finite numbers each."""
+        value = self.value(name, expected=expected)
+        lists = isinstance(value, list) and (count is None or len(value) == count)
+        if not lists or not all(isinstance(row, list) and len(row) == width for row in value):
+            raise InvalidProblemError(self.key(name), f"expected {expected}, got {shown(value)}")
+        return [
+            [number_at(f"{self.key(name)}[{i}][{j}]", x, "a number") for j, x in enumerate(row)]
+            for i, row in enumerate(value)
+        ]
+
 
 def number_at(key: str, value: Any, expected: str) -> float:
     """A finite number as a float; the error names the key, the value and what was expected."""
