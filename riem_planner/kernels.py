@@ -26,6 +26,8 @@ _COMPILED_ROOMS = (
     "kernels.py", "trajectory.py", "geometry/*.py", "obstacles/*.py", "solver/*.py",
     "certificate/*.py",
 )  # fmt: skip
+# Of these, the files that define kernels, and those that only hold constants for them.
+_IMPORT, _CONSTANTS = b"from riem_planner.kernels import", ("kernels.py", "table.py", "dop853.py")
 
 _MESSAGE_AFTER = 1.5  # s; loading from the cache takes less
 
@@ -42,7 +44,9 @@ def _cache_directory() -> str:
     digest = hashlib.sha256()
     for room in _COMPILED_ROOMS:
         for source in sorted(package.glob(room)):
-            digest.update(source.read_bytes())
+            text = source.read_bytes()
+            if _IMPORT in text or source.name in _CONSTANTS:
+                digest.update(text)
     name = f"kernels-{digest.hexdigest()[:16]}"
     if os.environ.get("NUMBA_CACHE_DIR"):
         return str(Path(os.environ["NUMBA_CACHE_DIR"]) / name)
