@@ -44,7 +44,7 @@ setup(
     maintainer="riem_planner maintainers",
     maintainer_email="maintainers@riem-planner.invalid",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*", "msg_adapters", "msg_adapters.*"]),
-    package_data={PACKAGE: ["py.typed"]},
+    package_data={PACKAGE: ["py.typed", "page/*.html", "page/*.css", "page/*.js"]},
     data_files=data_files(),
     python_requires=">=3.10",
     install_requires=[

@@ -83,6 +83,12 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--plot", type=Path, metavar="PNG", help="write a figure of the plan")
     parser.add_argument(
+        "--html",
+        type=Path,
+        metavar="PAGE",
+        help="write a page that shows the plan, or what was refused, in a browser",
+    )
+    parser.add_argument(
         "--samples",
         type=int,
         default=DEFAULT_SAMPLES,
@@ -114,13 +120,14 @@ def _check_options(parser: argparse.ArgumentParser, options: argparse.Namespace)
         parser.error(f"--samples: expected at least 2, got {options.samples}")
     if options.jobs < 1:
         parser.error(f"--jobs: expected at least 1, got {options.jobs}")
-    if options.certificate_only is not None and (options.output or options.plot):
-        parser.error("--certificate-only writes nothing: leave out --output and --plot")
-    if _is_batch(options.problem) and options.plot:
-        parser.error("--plot draws one plan: give it a single problem")
+    if options.certificate_only is not None and (options.output or options.plot or options.html):
+        parser.error("--certificate-only writes nothing: leave out --output, --plot and --html")
+    for option in ("plot", "html"):
+        if _is_batch(options.problem) and getattr(options, option):
+            parser.error(f"--{option} shows one plan: give it a single problem")
     if options.least_torque and (_is_batch(options.problem) or options.certificate_only):
         parser.error("--least-torque plans one problem: give it a single one, and nothing to check")
-    for path in (options.output, options.plot):
+    for path in (options.output, options.plot, options.html):
         if path is not None and not path.absolute().parent.is_dir():
             parser.error(f"{path}: there is no folder {path.parent}")
 
@@ -157,10 +164,22 @@ def _plan_one(options: argparse.Namespace) -> int:
         from riem_planner.plots.plots import plot_plan
 
         plot_plan(plan.problem, plan.trajectory, options.plot, plan.certificate)
+    if options.html is not None:
+        with whole_file(options.html) as stream:
+            stream.write(_page(plan))
     _say(f"{options.problem}: {_summary(plan)}")
     if plan.solution.status.name in _WRONG:
         return WRONG_FILE
     return SOLVED if plan.certified else NO_TRAJECTORY
+
+
+def _page(plan: Plan) -> str:
+    from riem_planner import __version__
+    from riem_planner.page import plan_page
+
+    return plan_page(
+        plan.problem, plan.solution, plan.trajectory, plan.certificate, version=__version__
+    )
 
 
 def _summary(plan: Plan) -> str:
