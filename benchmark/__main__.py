@@ -8,6 +8,7 @@ from pathlib import Path
 
 from benchmark import cases, comparison, own, random_cases
 from benchmark.flights import flights
+from benchmark.folder import case_files
 from benchmark.hard import Outcome, hard, run
 from benchmark.peers import shooting
 from benchmark.report import Table, write
@@ -25,8 +26,9 @@ def _arguments(arguments: list[str]) -> argparse.Namespace:
         "what",
         nargs="?",
         default="all",
-        choices=("all", "hard", "random", "flights", "node"),
+        choices=("all", "hard", "random", "flights", "node", "cases"),
         help="all: beside the peers, and the planner's own figures; hard: the hard sets;"
+        " cases: a folder of case files;"
         " random: new problems like those of the case files; flights: the published manoeuvres;"
         " node: the node in operation (16 min)",
     )
@@ -35,6 +37,8 @@ def _arguments(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--set", action="append", help="only this hard set (may be repeated)")
     parser.add_argument("--seed", type=int, default=1, help="of the new random problems")
     parser.add_argument("--failures", type=Path, help="folder for failing cases, one file a set")
+    parser.add_argument("--cases", type=Path, default=cases.DATA, help="folder of case files")
+    parser.add_argument("--verbose", action="store_true", help="cases: what misses the bars too")
     parser.add_argument("--output", type=Path, default=RESULTS, help="folder for the results")
     return parser.parse_args(arguments)
 
@@ -92,6 +96,9 @@ def main(arguments: list[str] | None = None) -> int:
         from benchmark.operation import operation  # the others do without ROS
 
         tables, name = operation(options.quick), "node"
+    elif options.what == "cases":
+        tables = case_files(options.cases, options.count, options.set, options.verbose)
+        name = "case-files"
     elif options.what == "random":
         tables, name = [_random(options.seed, options.count)], "random"
     else:

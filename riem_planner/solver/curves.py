@@ -445,8 +445,11 @@ def ways_round(pointing, start, goal):
             b, c = ends[m, i], rates[m, i]
             cost += 3.0 * b * b - 3.0 * b * (a[i] + c) + a[i] * a[i] + a[i] * c + c * c
         costs[m] = 2.0 * cost
-    # Both ways always, further turns only where they are straighter than these.
-    limit = max(costs[0], costs[1])
+    # Both ways always; further turns only where rates may make one of them the straighter.
+    moving = 0.0
+    for i in range(3):
+        moving += a[i] * a[i] + v[i] * v[i]
+    limit = max(costs[0], costs[1]) if moving == 0.0 else np.inf
     chosen = np.empty(5 + extra, dtype=np.int64)
     count = 0
     for m in range(5 + extra):

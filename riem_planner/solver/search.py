@@ -8,22 +8,22 @@ ways off a symmetric saddle.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from riem_planner.geometry import so3
+from riem_planner.geometry import so3, sphere
 from riem_planner.obstacles.table import RADIUS
 from riem_planner.solver import curves
 from riem_planner.solver.descent import SADDLES, begin_stage, descend, fresh_memory
+from riem_planner.solver.guesses import Guesses, all_guesses, ways_round
 from riem_planner.solver.setup import Setup
 from riem_planner.solver.watch import Watch
 from riem_planner.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-_NODES_LEAST, _NODES_MOST = 24, 96
-_NODE_ANGLE = 0.15  # rad of a first guess between nodes
 _SOFT_POINTS = (0.35, 0.1, 0.03)
 _SOFT_ZONES = (1.0, 0.5, 0.25, 0.1, 0.05, 0.02)
 _SOFT_LAST = (0.01, 0.003)
@@ -37,11 +37,12 @@ _FINER = (0.5, 0.25)  # of the mesh density's integral between nodes
 _NODES_FINE = 400
 _MOST_ITERATIONS = 60
 _MOST_FINER = 20  # from a curve that is a minimum already but for its nodes
-_SAME_COST = 1e-4
+_SAME_COST, _MIRRORED = 1e-4, 1e-9  # relative
+_SAME_PLACE = 0.05  # rad
 _SAME_CURVE = 1e-7
 _MOST_DESCENTS = 16
 _WORTH_CROSSING = 1.2  # of the best cost, up to which a curve's other sides are tried
-_HOPELESS = 2.0  # of the best cost, that a way round costs without obstacles
+_DEAR = 2.0  # of the best cost, at which the lower bound of a class rules it out
 WORTHLESS = 10.0
 """Of the best cost, above which another class is of no use."""
 
@@ -79,31 +80,50 @@ class Search:
         """Descend from a curve, and `both` ways off a saddle; whether a new minimum came of it."""
         begin = q.copy()
         curve, saddle = self._relax(q, softs, 1.0)
-        new = self._keep(curve)
+        new = self.keep(curve)
         if saddle and (both or curve is None):
-            new |= self._keep(self._relax(begin, softs, -1.0)[0])
+            new |= self.keep(self._relax(begin, softs, -1.0)[0])
         return new
 
-    def _keep(self, curve: Curve | None) -> bool:
-        if curve is None:
+    def keep(self, curve: Curve | None) -> bool:
+        """Keep a minimum, if there is one; whether it is new."""
+        if curve is None or any(self._same(curve, other) for other in self.minima):
             return False
-        for other in self.minima:
-            if abs(curve.cost - other.cost) <= _SAME_COST * other.cost:
-                return False
         self.minima.append(curve)
         self.minima.sort(key=lambda minimum: minimum.cost)
         return True
 
+    def _same(self, first: Curve, second: Curve) -> bool:
+        """Whether two minima are one, or mirror images of each other."""
+        difference = abs(first.cost - second.cost)
+        if difference > _SAME_COST * second.cost:
+            return False
+        # Of two that cost nearly the same and lie apart, the cheaper one is wanted.
+        return difference <= _MIRRORED * second.cost or self._apart(first, second) < _SAME_PLACE
+
+    def _apart(self, first: Curve, second: Curve) -> float:
+        """Greatest distance between two curves at the same times [rad]."""
+        other = curves.resampled(second.times, second.q, first.times)
+        if self.setup.pointing:
+            x, y = (so3.quaternion_to_matrix(q)[:, :, 2] for q in (first.q, other))
+            return float(np.max(sphere.angle(x, y)))
+        return float(np.max(so3.quaternion_distance(first.q, other)))
+
     def _relax(self, q: Array, softs: tuple[float, ...], side: float) -> tuple[Curve | None, bool]:
         """Descend while the potentials harden; the exact minimum, and whether a saddle was left."""
         memory = fresh_memory(q.shape[0])
-        curve = self._descended(q, softs, side, memory)
+        curve = self.descended(q, softs, side, memory)
         return (None if curve is None else self._seen_through(curve)), memory[SADDLES] > 0.0
 
-    def _descended(
-        self, q: Array, softs: tuple[float, ...], side: float, memory: Array
+    def descended(
+        self,
+        q: Array,
+        softs: tuple[float, ...] = (),
+        side: float = 1.0,
+        memory: Array | None = None,
     ) -> Curve | None:
         """The minimum on the search's nodes; None if there is none, or if it is known."""
+        memory = fresh_memory(q.shape[0]) if memory is None else memory
         hardest = min(softs, default=np.inf)
         exact = np.inf if softs else self._cost(q)
         for soft in (*softs, *_SOFT_LAST):
@@ -234,45 +254,42 @@ class Search:
         return s.with_goal(curves.resampled(curve.times, s.lifted(q), self.times))
 
 
-def first_guesses(setup: Setup) -> tuple[Array, list[Array], Array]:
-    """Curves that go round either way, straightest first.
-
-    Returns
-    -------
-    times : (N + 1,)
-    guesses
-        Attitudes (N + 1, 4).
-    costs
-        Of each without obstacles, roughly.
-    """
-    ends, rates, costs, length = curves.ways_round(setup.pointing, setup.start, setup.goal)
-    nodes = min(max(int(length / _NODE_ANGLE), _NODES_LEAST), _NODES_MOST)
-    times = np.arange(nodes + 1) / nodes
-    guesses = []
-    for end, rate in zip(ends, rates, strict=True):
-        q = np.empty((nodes + 1, 4))
-        curves.guess(setup.start[:4], setup.start[4:], end, rate, times, q)
-        guesses.append(setup.with_goal(q))
-    return times, guesses, costs
-
-
 def global_search(setup: Setup, watch: Watch, warm_start: Trajectory | None) -> Search:
     """Minima of the classes that are worth a try, cheapest first."""
-    times, guesses, costs = first_guesses(setup)
-    found = Search(setup, watch, times)
+    guesses = all_guesses(setup)
+    found = Search(setup, watch, guesses.times)
     if warm_start is not None:
-        found.add(warm_guess(setup, warm_start, times), _SOFT_WARM)
-    for q, cost in zip(guesses, costs, strict=True):
-        # Obstacles only add to the cost of a way round.
-        if not found.minima or cost < _HOPELESS * found.minima[0].cost:
-            found.add(q, found.softs)
-    found.cross_obstacles(_MOST_DESCENTS - len(guesses))
+        found.add(warm_guess(setup, warm_start, guesses.times), _SOFT_WARM)
+    for way in unhindered(setup, watch, guesses):
+        if not setup.table.size:
+            found.keep(way.minimum)
+        elif not found.minima or way.minimum.cost < _DEAR * found.minima[0].cost:
+            found.add(way.guess, found.softs)
+    found.cross_obstacles(_MOST_DESCENTS)
     return found
+
+
+class Unhindered(NamedTuple):
+    """A guess, and the minimum that it descends to where there are no obstacles."""
+
+    guess: Array
+    minimum: Curve
+
+
+def unhindered(setup: Setup, watch: Watch, guesses: Guesses) -> list[Unhindered]:
+    """Guesses of different minima without obstacles, the cheapest of these first.
+
+    No path downhill from there to what obstacles leave is cheaper than that minimum.
+    """
+    space = Search(setup._replace(table=setup.table[:0]), watch, guesses.times)
+    found = ((q, space.descended(q.copy())) for q in guesses.curves)
+    ways = [Unhindered(q, minimum) for q, minimum in found if minimum is not None]
+    return sorted(ways, key=lambda way: way.minimum.cost)
 
 
 def local_search(setup: Setup, watch: Watch, warm_start: Trajectory | None) -> Search:
     """The minimum of one class: that of the warm start, or the straightest."""
-    times, guesses, _ = first_guesses(setup)
+    times, guesses = ways_round(setup)
     found = Search(setup, watch, times)
     if warm_start is not None:
         found.add(warm_guess(setup, warm_start, times), _SOFT_WARM, both=False)

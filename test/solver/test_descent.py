@@ -18,7 +18,7 @@ from riem_planner.solver.descent import (
     positive_definite,
     substitute,
 )
-from riem_planner.solver.search import first_guesses
+from riem_planner.solver.guesses import ways_round
 from riem_planner.solver.setup import set_up
 from riem_planner.solver.watch import StopFlag
 
@@ -74,7 +74,7 @@ def uneven_curve(setup, seed=0):
     rng = np.random.default_rng(seed)
     times = np.concatenate([[0.0], np.cumsum(rng.uniform(0.4, 1.6, NODES))])
     times /= times[-1]
-    guess = first_guesses(setup)
+    guess = ways_round(setup)
     at = np.searchsorted(guess[0], times).clip(0, guess[0].size - 1)
     q = guess[1][0][at].copy()
     q[1:-1] = moved(q, 0.15 * rng.normal(size=(NODES + 1, 3)))[1:-1]
@@ -214,7 +214,7 @@ def run(setup, q, soft, side=1.0, most=300, tolerance=1e-10, memory=None, stop=N
 @pytest.mark.parametrize("space", [SO3, S2], ids=["so3", "s2"])
 def test_descent_ends_at_a_minimum_and_never_climbs(space):
     setup = set_up(slew(space, OBSTACLES[space]))
-    times, guesses, _ = first_guesses(setup)
+    times, guesses = ways_round(setup)
     for guess in guesses[:2]:
         q, memory = guess.copy(), fresh_memory(times.size)
         costs = [assembled(setup, times, q, 0.35)[0]]
@@ -234,7 +234,7 @@ def test_descent_ends_at_a_minimum_and_never_climbs(space):
 
 def test_iterations_in_portions_are_the_same_descent():
     setup = set_up(slew(SO3, OBSTACLES[SO3]))
-    guess = first_guesses(setup)[1][0]
+    guess = ways_round(setup)[1][0]
     whole, parts, memory = guess.copy(), guess.copy(), fresh_memory(guess.shape[0])
     cost, iterations, _, _ = run(setup, whole, 0.35)
     for _ in range(iterations + 1):
@@ -245,7 +245,7 @@ def test_iterations_in_portions_are_the_same_descent():
 
 def test_a_stop_flag_is_looked_at_before_each_iteration():
     setup = set_up(slew(SO3, OBSTACLES[SO3]))
-    q = first_guesses(setup)[1][1]
+    q = ways_round(setup)[1][1]
     assert run(setup, q.copy(), 0.03)[1] > 5
     stop = StopFlag()
     stop.set()
@@ -267,7 +267,7 @@ def blocked_slew(space):
 def test_a_symmetric_saddle_is_left_both_ways(space):
     problem, obstacle = blocked_slew(space)
     setup = set_up(problem)
-    times, guesses, _ = first_guesses(setup)
+    times, guesses = ways_round(setup)
     middle = times.size // 2
     ways, costs = [], []
     for side in (1.0, -1.0):
