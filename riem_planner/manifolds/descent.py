@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from riem_planner.manifolds.matrix_space import Real
+from riem_planner.manifolds.matrices import Real
 from riem_planner.manifolds.problem import Array, GeneralProblem, Repulsion
 
 _MARGINS = (0.5, 0.15, 0.05)

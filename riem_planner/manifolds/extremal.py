@@ -11,7 +11,8 @@ from scipy.integrate import DOP853
 
 from riem_planner.checks import finite_array, non_negative_number, positive_number
 from riem_planner.errors import InvalidProblemError
-from riem_planner.manifolds.matrix_space import MatrixSpace, Real
+from riem_planner.manifolds.matrices import Real
+from riem_planner.manifolds.matrix_space import MatrixSpace
 from riem_planner.manifolds.problem import (
     Array,
     GeneralState,

@@ -4,24 +4,30 @@ A curve in a symmetric space G/K is described by its horizontal lift g(t) in G, 
 `g^-1 g' = v` in m, where `Lie(G) = k + m`, `[k, m] < m`, `[m, m] < k`. A Lie group is the case
 without K. Rates are coordinates (n,) in an orthonormal basis of m, so the metric is the dot
 product; on matrices it is `<X, Y> = scale Re tr(X^* Y)`, with the scale stated by each space.
+
+With `K_X Y = R(Y, X) X` the curvature along X = log(g^-1 h), positive semidefinite, the second
+derivative of half the squared distance is `f(K_X)`, `f(k) = sqrt(k) cot(sqrt(k))`, and a step of
+h moves X by `e(K_X)`, `e(k) = sqrt(k) / sin(sqrt(k))`.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from riem_planner.errors import InvalidProblemError, RiemPlannerError
+from riem_planner.manifolds.matrices import Array, Real, Span, adjoint, unitary_exp
 
-Array = NDArray[Any]
-Real = NDArray[np.float64]
+COTANGENT = (1.0, -1 / 3, -1 / 45, -2 / 945, -1 / 4725, -2 / 93555)
+"""Coefficients of `f`."""
+
+COSECANT = (1.0, 1 / 6, 7 / 360, 31 / 15120, 127 / 604800, 73 / 3421440)
+"""Coefficients of `e`."""
 
 _ELEMENT_TOLERANCE = 1e-6
-_NEAR_HALF_TURN = 1e7  # tan(angle / 2) of an eigenvalue 2e-7 rad from -1
 
 
 class OutsideInjectivityRadiusError(RiemPlannerError, ValueError):
@@ -42,84 +48,22 @@ class OutsideInjectivityRadiusError(RiemPlannerError, ValueError):
         )
 
 
-def bracket(X: Array, Y: Array) -> Array:
-    """Commutator `X Y - Y X` (..., N, N)."""
-    return np.asarray(X @ Y - Y @ X)
+def series(coefficients: Sequence[float], K: Real) -> Real:
+    """A power series of symmetric matrices (..., n, n), shorter than 0.3."""
+    identity = np.eye(K.shape[-1])
+    result = coefficients[-1] * identity
+    for c in coefficients[-2::-1]:
+        result = result @ K + c * identity
+    return np.asarray(result)
 
 
-def adjoint(X: Array) -> Array:
-    """Conjugate transpose (..., N, N), the inverse of a unitary matrix."""
-    return np.conj(np.swapaxes(X, -1, -2))
-
-
-def unitary_exp(X: Array) -> Array:
-    """Exponential (..., N, N) of skew-Hermitian matrices; unitary to rounding."""
-    angles, vectors = np.linalg.eigh(-1j * X)
-    result = (vectors * np.exp(1j * angles)[..., None, :]) @ adjoint(vectors)
-    return result if np.iscomplexobj(X) else np.asarray(result.real)
-
-
-def unitary_log(U: Array, *, traceless: bool = False) -> tuple[Array, NDArray[np.bool_]]:
-    """Shortest logarithms (..., N, N) of unitary matrices, and whether each is determined.
-
-    The Cayley transform `(I - U) (I + U)^-1` of U is skew-Hermitian with the eigenvectors of U
-    and eigenvalues `-i tan(angle / 2)`. Its eigenvectors are orthogonal even where eigenvalues
-    coincide, and the angle is exact to rounding also where the tangent is large.
-
-    Parameters
-    ----------
-    U : (..., N, N)
-        Unitary matrices.
-    traceless
-        Look among the logarithms in su(N): where the principal angles add up to 2 pi k, the k
-        largest are reduced by 2 pi.
-    """
-    identity = np.eye(U.shape[-1])
-    # Where an eigenvalue is exactly -1 the shift keeps the system regular; such a logarithm is
-    # reported as undetermined.
-    total = U + (1.0 + 1e-15j) * identity
-    cayley = np.linalg.solve(np.swapaxes(total, -1, -2), np.swapaxes(identity - U, -1, -2))
-    hermitian = 1j * np.swapaxes(cayley, -1, -2)
-    hermitian = 0.5 * (hermitian + adjoint(hermitian))
-    tangents, vectors = np.linalg.eigh(hermitian)
-    angles = 2.0 * np.arctan(tangents)
-    determined = np.max(np.abs(cayley), axis=(-2, -1)) < _NEAR_HALF_TURN
-    if traceless:
-        angles, determined = _traceless(angles, determined)
-    result = (vectors * (1j * angles)[..., None, :]) @ adjoint(vectors)
-    return (result if np.iscomplexobj(U) else np.asarray(result.real)), determined
-
-
-def _traceless(angles: Real, determined: NDArray[np.bool_]) -> tuple[Real, NDArray[np.bool_]]:
-    """Angles (..., N), sorted upwards, changed by full turns so that they add up to 0.
-
-    The least change in length turns the largest (or the least) of them; which ones is not
-    determined where the next one is as large.
-    """
-    turns = np.rint(np.sum(angles, axis=-1) / (2.0 * np.pi)).astype(int)
-    size = angles.shape[-1]
-    rank = np.arange(size)
-    up, down = np.maximum(-turns, 0)[..., None], size - np.maximum(turns, 0)[..., None]
-    wall = np.full((*angles.shape[:-1], 1), 10.0)
-    padded = np.concatenate([-wall, angles, wall], axis=-1)
-    for edge in (up, down):
-        gap = np.take_along_axis(padded, edge + 1, -1) - np.take_along_axis(padded, edge, -1)
-        determined = determined & (gap[..., 0] > 1e-7)
-    change = (rank < up).astype(float) - (rank >= down)
-    return angles + 2.0 * np.pi * change, determined
-
-
-def orthonormal_basis(matrices: Sequence[Array], scale: float) -> Array:
-    """Orthonormal basis (n, N, N) of the span of matrices under `scale Re tr(X^* Y)`."""
-    kept: list[Array] = []
-    for matrix in matrices:
-        X = np.asarray(matrix)
-        for Y in kept:
-            X = X - scale * np.real(np.vdot(Y, X)) * Y
-        norm = np.sqrt(scale * np.real(np.vdot(X, X)))
-        if norm > 1e-10:
-            kept.append(X / norm)
-    return np.stack(kept)
+def half_square_hessian(K: Real) -> Real:
+    """`f(K)` (..., n, n): second derivative of `d^2 / 2`, of the curvature K along the geodesic."""
+    finite = np.isfinite(K).all(axis=(-2, -1), keepdims=True)
+    values, vectors = np.linalg.eigh(K if finite.all() else np.where(finite, K, 0.0))
+    root = np.sqrt(np.maximum(values, 1e-12))
+    scaled = vectors * (root / np.tan(root))[..., None, :]
+    return np.asarray(scaled @ np.swapaxes(vectors, -1, -2))
 
 
 class MatrixSpace(ABC):
@@ -135,12 +79,15 @@ class MatrixSpace(ABC):
         Of the metric `scale Re tr(X^* Y)`.
     """
 
+    remark: str = ""
+    """What a user should know about the points of the space; results repeat it."""
+
     def __init__(self, name: str, basis: Sequence[Array] | Array, scale: float) -> None:
         self.name = name
         self.scale = scale
-        self.basis = orthonormal_basis(list(basis), scale)
-        self.dimension = int(self.basis.shape[0])
-        self.size = int(self.basis.shape[-1])
+        self.span = Span(basis, scale)
+        self.basis = self.span.basis
+        self.dimension, self.size = self.span.dimension, self.span.size
 
     def __repr__(self) -> str:
         return self.name
@@ -150,14 +97,18 @@ class MatrixSpace(ABC):
         """The identity matrix (N, N) of the group."""
         return np.eye(self.size, dtype=self.basis.dtype)
 
+    @property
+    @abstractmethod
+    def whole_algebra(self) -> Span:
+        """The Lie algebra of the group that moves the space: of G for a quotient G/K."""
+
     def algebra(self, v: Array) -> Array:
         """Matrix (..., N, N) in m of coordinates (..., n)."""
-        return np.tensordot(np.asarray(v), self.basis, axes=1)
+        return self.span.matrices(v)
 
     def coordinates(self, X: Array) -> Real:
         """Coordinates (..., n) of the part in m of matrices (..., N, N)."""
-        flat = np.conj(self.basis).reshape(self.dimension, -1)
-        return self.scale * np.real(np.reshape(X, (*X.shape[:-2], -1)) @ flat.T)
+        return self.span.coordinates(X)
 
     def inverse(self, g: Array) -> Array:
         """Inverse (..., N, N) of group elements."""
@@ -176,6 +127,10 @@ class MatrixSpace(ABC):
             It is not determined.
         """
         v, determined = self.log_unchecked(h)
+        if not np.isfinite(v).all():
+            raise OutsideInjectivityRadiusError(
+                self.name, "no logarithm of the element was found in the Lie algebra"
+            )
         if not np.all(determined):
             raise OutsideInjectivityRadiusError(
                 self.name, "the element is on the cut locus of the identity"
@@ -185,7 +140,7 @@ class MatrixSpace(ABC):
     def between(self, g: Array, h: Array) -> Real:
         """Coordinates (..., n) in the frame of g of the shortest geodesic from g to h.
 
-        On the cut locus one of the shortest, to 1e-6.
+        On the cut locus one of the shortest, to 1e-6; not a number where none was found.
         """
         step = self.inverse(g) @ h
         v, determined = self.log_unchecked(step)
@@ -197,6 +152,24 @@ class MatrixSpace(ABC):
     def distance(self, g: Array, h: Array) -> Real:
         """Length (...) of the shortest geodesic from g to h."""
         return np.asarray(np.linalg.norm(self.between(g, h), axis=-1))
+
+    def between_variation(self, X: Real) -> tuple[Real, Real, Real, Real]:
+        """How the geodesic X (..., n) from g to h varies with its ends, short ones only.
+
+        Returns
+        -------
+        own, other : (..., n, n)
+            Change of X by a step of g, and by one of h turned into the frame of g.
+        arriving_own, arriving_other : (..., n, n)
+            The same of the geodesic as seen from h, all in the frame of g.
+        """
+        K = self.curvature_operator(X)
+        f, e = series(COTANGENT, K), series(COSECANT, K)
+        return -f, e, -e, f
+
+    def frame_turn(self, h: Array) -> Real | None:
+        """Matrix (..., n, n) of `in_frame` by h in K (..., N, N); None on a group: no turn."""
+        return np.swapaxes(self.in_frame(h[..., None, :, :], np.eye(self.dimension)), -1, -2)
 
     def element(self, key: str, value: ArrayLike) -> Array:
         """A read-only copy of a group element (N, N), checked to be one.
@@ -229,8 +202,40 @@ class MatrixSpace(ABC):
         """As `log`, with whether each is determined in place of the error."""
 
     @abstractmethod
+    def gap(self, g: Array, h: Array) -> float:
+        """How far two lifts (N, N) are from being the same point, between matrices."""
+
+    @abstractmethod
     def curvature_term(self, v: Real, a: Real, j: Real) -> Real:
         """What the space adds to `v''' = sigma v' - F`, coordinates (..., n)."""
+
+    @abstractmethod
+    def curvature_bound(self, v: Real, a: Real, j: Real) -> Real:
+        """Largest length (...) of `curvature_term`, for vectors of lengths v, a, j (...)."""
+
+    @abstractmethod
+    def curvature_operator(self, X: Real) -> Real:
+        """`K_X` (..., n, n), `K_X Y = R(Y, X) X`, of coordinates (..., n)."""
+
+    @abstractmethod
+    def variation(self, w: Real, sigma: float, force: Real, bend: Real) -> Real:
+        """The extremal field, linearised.
+
+        Parameters
+        ----------
+        w : (..., 3, n)
+            v, v', v''.
+        sigma
+            Tension.
+        force, bend : (..., n), (..., n, n)
+            F and its covariant derivative.
+
+        Returns
+        -------
+        (..., 4 n, 4 n)
+            Rates of the variations of place, v, v', v'' by these variations; on a quotient the
+            covariant ones.
+        """
 
     @abstractmethod
     def in_frame(self, h: Array, w: Real) -> Real:

@@ -14,7 +14,8 @@ from riem_planner.checks import (
     positive_number,
 )
 from riem_planner.errors import InvalidProblemError
-from riem_planner.manifolds.matrix_space import MatrixSpace, Real
+from riem_planner.manifolds.matrices import Real
+from riem_planner.manifolds.matrix_space import MatrixSpace
 
 Array = NDArray[Any]
 

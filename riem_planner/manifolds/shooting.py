@@ -15,7 +15,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import spsolve
 
 from riem_planner.manifolds.extremal import Field, runge_kutta_step
-from riem_planner.manifolds.matrix_space import MatrixSpace, Real
+from riem_planner.manifolds.matrices import Real
+from riem_planner.manifolds.matrix_space import MatrixSpace
 from riem_planner.manifolds.problem import Array
 
 _DIFFERENCE = 1e-5

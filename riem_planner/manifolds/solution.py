@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riem_planner.manifolds.extremal import extremal_field, runge_kutta_step
-from riem_planner.manifolds.matrix_space import Real
+from riem_planner.manifolds.matrices import Real
 from riem_planner.manifolds.problem import Array, GeneralProblem, Repulsion
 from riem_planner.solution import Status
 
@@ -80,9 +80,11 @@ class GeneralSolution:
     cost
         `1/2 int (|Dv/dt|^2 + sigma |v|^2 + sum V_i) dt`.
     clearance
-        Lower bound of the distance to each obstacle's ball, by name.
+        Least distance to each obstacle's ball, by name, sampled: a bound from samples and the
+        sampled rates and accelerations, without a proof.
     boundary_error
-        Distance, and difference of the rates [1/s], at the goal.
+        Difference between the matrices of the end and of the goal (`space.gap`), and of the rates
+        [1/s].
     trajectory_error
         Estimated error of one interval's integration, relative to 1.
     alternatives
@@ -91,6 +93,8 @@ class GeneralSolution:
         Newton iterations over all initial curves.
     solve_time
         By a steady clock [s].
+    notes
+        Remarks a user should read, such as which lifts are the same point of the space.
     """
 
     status: Status
@@ -103,6 +107,7 @@ class GeneralSolution:
     alternatives: tuple[tuple[float, GeneralTrajectory], ...] = ()
     iterations: int = 0
     solve_time: float = 0.0
+    notes: tuple[str, ...] = ()
 
     @property
     def solved(self) -> bool:

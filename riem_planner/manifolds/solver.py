@@ -13,7 +13,7 @@ import numpy as np
 
 from riem_planner.manifolds.descent import CoarseCost, descend
 from riem_planner.manifolds.extremal import extremal_field
-from riem_planner.manifolds.matrix_space import Real
+from riem_planner.manifolds.matrices import Real
 from riem_planner.manifolds.problem import Array, GeneralProblem, Repulsion
 from riem_planner.manifolds.shooting import Shooting, shoot
 from riem_planner.manifolds.solution import GeneralSolution, GeneralTrajectory
@@ -131,6 +131,7 @@ def _best(
                 tuple(others),
                 iterations,
                 elapsed,
+                (problem.space.remark,) if problem.space.remark else (),
             )
     message = "no initial curve led to an extremal that keeps off every obstacle"
     return GeneralSolution(
@@ -228,7 +229,7 @@ def trajectory_cost(trajectory: GeneralTrajectory) -> float:
 
 
 def least_clearance(trajectory: GeneralTrajectory) -> dict[str, float]:
-    """Lower bound of the distance to each obstacle's ball, between samples as well.
+    """Least distance to each obstacle's ball, by samples and what may happen between them.
 
     A distance changes at most as fast as the curve moves, so between samples a time h apart it
     is at least `(d_i + d_(i+1) - L h) / 2` with L the largest rate, here taken as the largest
@@ -256,6 +257,6 @@ def _boundary_error(trajectory: GeneralTrajectory) -> tuple[float, float]:
     g, v, _ = trajectory.evaluate(trajectory.duration)
     turned = space.in_frame(space.inverse(goal.element) @ g, v)
     return (
-        float(space.distance(g, goal.element)),
+        space.gap(g, goal.element),
         float(np.linalg.norm(turned - goal.rate)),
     )
