@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from riem_planner.geometry import so3
-from riem_planner.obstacles import Zone
-from riem_planner.problem import S2, Problem
+from riem_planner.obstacles import Forbidden
 from riem_planner.stop import SHORTEST, deceleration, stop_trajectory, trajectory_of_turns
 from riem_planner.trajectory import Trajectory
 
@@ -33,48 +32,11 @@ _LONGER = (1.0, 1.15, 1.5, 2.0, 3.0, 5.0, 9.0)  # turns, relative to the margin 
 _FASTER = (1.0, 4.0, 16.0, 64.0)  # accelerations, relative to the gentle one
 
 
-def margins_along(problem: Problem, attitudes: Array, times: Array) -> dict[str, Array]:
-    """Distances [rad] to each forbidden set, negative inside, batched.
-
-    Parameters
-    ----------
-    problem
-        Its obstacles count, at their places of time 0 and moving from there.
-    attitudes : (..., n, 3, 3)
-        Rotation matrices.
-    times : (n,) or ()
-        [s].
-
-    Returns
-    -------
-    name -> (..., n)
-    """
-    margins: dict[str, Array] = {}
-    for obstacle in problem.obstacles:
-        distance = obstacle.distance(attitudes, times)
-        if isinstance(obstacle, Zone) and obstacle.kind == "keep_in":
-            name = obstacle.group if obstacle.group is not None else str(obstacle.name)
-            margin = obstacle.half_angle - distance
-            margins[name] = np.maximum(margins[name], margin) if name in margins else margin
-        else:
-            margins[str(obstacle.name)] = distance - obstacle.radius
-    return margins
-
-
-def least_margin(problem: Problem, attitudes: Array, times: Array) -> Array:
-    """The least of all margins (..., n) [rad]; infinite without obstacles."""
-    margins = margins_along(problem, attitudes, times)
-    least = np.full(np.shape(attitudes)[:-2], np.inf)
-    for margin in margins.values():
-        least = np.minimum(least, margin)
-    return least
-
-
-def uphill(problem: Problem, attitude: Array, time: float = 0.0) -> list[Array]:
+def uphill(forbidden: Forbidden, attitude: Array, time: float = 0.0) -> list[Array]:
     """Body axes (3,) about which a turn raises the margins: each violated set's, and their mean."""
     turns = so3.exp(_STEP * np.vstack([np.eye(3), -np.eye(3)]))
-    around = margins_along(problem, attitude @ turns, np.asarray(time))
-    here = margins_along(problem, attitude, np.asarray(time))
+    around = forbidden.margins(attitude @ turns, time)
+    here = forbidden.margins(attitude, time)
     gradients = []
     for name, margin in here.items():
         gradient = (around[name][:3] - around[name][3:]) / (2 * _STEP)
@@ -89,14 +51,14 @@ def uphill(problem: Problem, attitude: Array, time: float = 0.0) -> list[Array]:
     return axes
 
 
-def _axes(problem: Problem, attitude: Array, moving: bool, rate: Array) -> Array:
+def _axes(forbidden: Forbidden, attitude: Array, moving: bool, rate: Array) -> Array:
     """Unit body axes (m, 3) that are tried."""
     grid = [np.array(corner, dtype=float) for corner in itertools.product((-1, 0, 1), repeat=3)]
-    axes = uphill(problem, attitude) + [axis for axis in grid if np.any(axis)]
-    if problem.space == S2:
+    axes = uphill(forbidden, attitude) + [axis for axis in grid if np.any(axis)]
+    if forbidden.pointing:
         # Without roll: about axes across the boresight, and while it moves, along its motion.
         axes = [rate, -rate] if moving else axes
-        b = problem.boresight
+        b = forbidden.boresight
         axes = [axis - (axis @ b) * b for axis in axes]
     kept = [axis / np.linalg.norm(axis) for axis in axes if np.linalg.norm(axis) > 1e-6]
     return np.array(kept).reshape(-1, 3)
@@ -131,7 +93,7 @@ def way_out(
     quaternion: ArrayLike,
     rate: ArrayLike,
     acceleration: ArrayLike,
-    problem: Problem,
+    forbidden: Forbidden,
     gentle: float,
     target: float,
 ) -> Trajectory:
@@ -143,8 +105,8 @@ def way_out(
         Unit, x, y, z, w, of the attitude it begins at.
     rate, acceleration : (3,)
         Body rate [rad/s] and acceleration [rad/s^2] that it begins with.
-    problem
-        Its obstacles count, at their places of time 0 and moving from there.
+    forbidden
+        What to come out of, at its places of time 0 and moving from there.
     gentle
         The acceleration to prefer [rad/s^2].
     target
@@ -158,8 +120,8 @@ def way_out(
     v, a = np.asarray(rate, dtype=float), np.asarray(acceleration, dtype=float)
     attitude = so3.quaternion_to_matrix(quaternion)
     speed = float(np.linalg.norm(v))
-    axes = _axes(problem, attitude, speed > 1e-9, v)
-    start = float(least_margin(problem, attitude, np.asarray(0.0)))
+    axes = _axes(forbidden, attitude, speed > 1e-9, v)
+    start = float(forbidden.least_margin(attitude))
     needed = max(target - start, 1e-3)
     lengths = np.unique(np.minimum(needed * np.array(_LONGER), math.pi))
     u = np.linspace(0.0, 1.0, _CHECKS)
@@ -170,7 +132,7 @@ def way_out(
             duration = max(duration, 1.5 * speed / (gentle * faster), SHORTEST)
             slowing = deceleration(u, duration, v, a)[0]
             turns = slowing[None] + length * axes[:, None, :] * _profile(u, duration)[0][:, None]
-            margins = least_margin(problem, attitude @ so3.exp(turns), duration * u)
+            margins = forbidden.least_margin(attitude @ so3.exp(turns), duration * u)
             falls = fall_before_exit(margins)
             short = np.maximum(0.0, target - margins[:, -1])
             for row in np.lexsort((short.round(3), falls.round(6)))[:1]:

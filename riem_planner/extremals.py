@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from riem_planner.checks import finite_array, non_negative_number, positive_number
 from riem_planner.errors import InvalidProblemError, RiemPlannerError
 from riem_planner.geometry import so3
-from riem_planner.obstacles.force import cross, potential_and_force
+from riem_planner.geometry.sphere import cross
 from riem_planner.problem import S2, SO3, Problem, Space, State
 
 Array = NDArray[np.float64]
@@ -90,11 +90,8 @@ class Extremal:
         """Sum of the potentials `V_i` (...) [rad^2/s^4] along the extremal at times (...)."""
         times = np.asarray(t, dtype=float)
         R = self.evaluate(times)[0].reshape(-1, 3, 3)
-        values = [
-            potential_and_force(self.problem, attitude, time)[0]
-            for attitude, time in zip(R, times.ravel(), strict=True)
-        ]
-        return np.array(values).reshape(times.shape)
+        V, _ = self.problem.forbidden.repulsion(R, times.ravel(), self.duration)
+        return V.reshape(times.shape)
 
     def hamiltonian(self, t: ArrayLike) -> Array:
         """H (...) [rad^2/s^4] at times (...); constant where all obstacles are fixed."""
@@ -226,7 +223,7 @@ def _field(problem: Problem) -> Callable[[float, Array], Array]:
         force = np.zeros(3)
         if problem.obstacles:
             attitude = so3.quaternion_to_matrix(q / np.linalg.norm(q))
-            force = potential_and_force(problem, attitude, t)[1]
+            force = problem.forbidden.repulsion(attitude[None], t, problem.duration)[1][0]
         q_rate = 0.5 * np.append(q[3] * v + cross(q[:3], v), -(q[:3] @ v))
         return np.concatenate([q_rate, a, j, snap(space, v, a, j, sigma, force)])
 

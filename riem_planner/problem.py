@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -21,13 +21,7 @@ from riem_planner.checks import (
 from riem_planner.errors import InvalidProblemError
 from riem_planner.geometry import so3
 from riem_planner.limits import Limits
-from riem_planner.obstacles import (
-    Obstacle,
-    ObstacleTable,
-    OrientationObstacle,
-    Zone,
-    obstacle_table,
-)
+from riem_planner.obstacles import Forbidden, Obstacle
 
 Array = NDArray[np.float64]
 
@@ -162,6 +156,11 @@ class Problem:
     limits
         What the spacecraft can do; a trajectory is certified only within them.
 
+    Attributes
+    ----------
+    forbidden
+        What the obstacles forbid, and how they repel.
+
     Raises
     ------
     InvalidProblemError
@@ -178,6 +177,7 @@ class Problem:
     boresight: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
     name: str = ""
     limits: Limits | None = None
+    forbidden: Forbidden = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Validate, freeze, and give every obstacle its name and boresight."""
@@ -195,9 +195,9 @@ class Problem:
             if getattr(self, key) is not None:
                 set_field(self, key, non_negative_number(key, getattr(self, key)))
         set_field(self, "boresight", unit_vector("boresight", self.boresight))
-        obstacles = tuple(self._completed(i, obstacle) for i, obstacle in enumerate(self.obstacles))
-        set_field(self, "obstacles", obstacles)
-        self._check_names()
+        forbidden = Forbidden(tuple(self.obstacles), self.boresight, self.space == S2)
+        set_field(self, "forbidden", forbidden)
+        set_field(self, "obstacles", forbidden.obstacles)
         if self.space == S2:
             self._check_horizontal("start", self.start)
             self._check_horizontal("goal", self.goal)
@@ -220,42 +220,6 @@ class Problem:
             )
         return math.inf
 
-    def _completed(self, index: int, obstacle: Obstacle) -> Obstacle:
-        key = f"obstacles[{index}]"
-        if not isinstance(obstacle, OrientationObstacle | Zone):
-            raise InvalidProblemError(
-                key, f"expected an OrientationObstacle or a Zone, got {type(obstacle).__name__}"
-            )
-        name = str(index) if obstacle.name is None else obstacle.name
-        if isinstance(obstacle, OrientationObstacle):
-            if self.space == S2:
-                raise InvalidProblemError(
-                    f"{key}.kind",
-                    "an orientation obstacle would depend on the roll history on s2; give its"
-                    " direction as a keep_out zone",
-                )
-            return obstacle if obstacle.name is not None else replace(obstacle, name=name)
-        boresight = self.boresight if obstacle.boresight is None else obstacle.boresight
-        if self.space == S2 and not np.allclose(boresight, self.boresight, rtol=0.0, atol=1e-9):
-            raise InvalidProblemError(
-                f"{key}.boresight",
-                f"on s2 an obstacle uses the space's boresight {self.boresight.tolist()}, got"
-                f" {boresight.tolist()}; leave it out, or plan on so3",
-            )
-        if obstacle.name is not None and obstacle.boresight is not None:
-            return obstacle
-        return replace(obstacle, name=name, boresight=boresight)
-
-    def _check_names(self) -> None:
-        names = [obstacle.name for obstacle in self.obstacles]
-        groups = {o.group for o in self.obstacles if isinstance(o, Zone) and o.group is not None}
-        for name in [*names, *groups]:
-            if [*names, *groups].count(name) > 1:
-                raise InvalidProblemError(
-                    "obstacles",
-                    f"the name {name!r} is used twice; names of obstacles and groups must differ",
-                )
-
     def _check_horizontal(self, key: str, state: State) -> None:
         roll = float(self.boresight @ state.angular_velocity)
         scale = max(1.0, float(np.linalg.norm(state.angular_velocity)))
@@ -271,11 +235,6 @@ class Problem:
         """Whether the duration is the least within the limits, yet to be found."""
         return math.isinf(self.duration)
 
-    @cached_property
-    def table(self) -> tuple[ObstacleTable, list[str]]:
-        """Obstacles as arrays in normalised time, and the name of each row's forbidden set."""
-        return obstacle_table(self)
-
     @property
     def sigma(self) -> float:
         """Tension sigma [1/s^2]."""
@@ -285,10 +244,7 @@ class Problem:
 
     def strength_of(self, obstacle: Obstacle) -> float:
         """Strength tau of an obstacle [rad^4/s^4]."""
-        if obstacle.normalized_strength is not None:
-            return obstacle.normalized_strength / self.duration**4
-        assert obstacle.strength is not None  # checked when the obstacle was made
-        return obstacle.strength
+        return obstacle.strength_in(self.duration)
 
     def margins(self, attitude: ArrayLike, time: float = 0.0) -> dict[str, float]:
         """Distance [rad] of an attitude (3, 3) to each forbidden set; negative inside.
@@ -296,13 +252,5 @@ class Problem:
         Keys are the obstacles' names and, for a keep-in group, the group's: there the margin
         is that of its best member.
         """
-        margins: dict[str, float] = {}
-        for obstacle in self.obstacles:
-            distance = float(obstacle.distance(attitude, time))
-            if isinstance(obstacle, Zone) and obstacle.kind == "keep_in":
-                name = obstacle.group if obstacle.group is not None else str(obstacle.name)
-                margin = obstacle.half_angle - distance
-                margins[name] = max(margins.get(name, -math.inf), margin)
-            else:
-                margins[str(obstacle.name)] = distance - obstacle.radius
-        return margins
+        margins = self.forbidden.margins(attitude, time)
+        return {name: float(margin) for name, margin in margins.items()}

@@ -268,7 +268,7 @@ def _best(
             continue
         extremals.append(extremal)
         trajectory = published(problem, setup, extremal)
-        certificate = certify(trajectory, problem, table=problem.table)
+        certificate = certify(trajectory, problem)
         if certificate.certified:
             certified.append((extremal, trajectory, certificate))
         elif refused is None or certificate.breaks_only_limits > refused.breaks_only_limits:
@@ -287,7 +287,7 @@ def _best(
     best, trajectory, certificate = certified[0]
     if setup.pointing:
         trajectory = _without_roll(problem, setup, best, trajectory)
-        certificate = certify(trajectory, problem, table=problem.table)
+        certificate = certify(trajectory, problem)
     alternatives = tuple(
         Alternative(scale * _stated_cost(problem, setup, e, t), c.clearance, t)
         for e, t, c in certified[1:]

@@ -18,7 +18,7 @@ from riem_planner import (
     Zone,
     solve,
 )
-from riem_planner.certificate.extremality import extremality, potential_and_force
+from riem_planner.certificate.extremality import extremality
 from riem_planner.files.problem_files import read_problem
 from riem_planner.geometry import so3
 from riem_planner.torque import refine_torque, torque_extremality
@@ -64,7 +64,7 @@ def own_cost(trajectory, problem, J, sigma):
     t = trajectory.times[:-1, None] + 0.5 * h * (x + 1.0)
     R, v, a = (values.reshape(-1, *values.shape[2:]) for values in trajectory.evaluate(t))
     u = a @ J + np.cross(v, v @ J)
-    V = potential_and_force(problem, R, t.ravel())[0]
+    V = problem.forbidden.repulsion(R, t.ravel(), problem.duration)[0]
     moment = np.trace(J) / 3.0
     density = np.sum(u**2, axis=1) / moment**2 + sigma * np.sum(v**2, axis=1) + V
     return 0.5 * float((0.5 * h * w).ravel() @ density)

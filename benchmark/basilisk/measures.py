@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riem_planner import Problem
-from riem_planner.escape import margins_along
 from riem_planner.geometry import so3
 
 Array = NDArray[np.float64]
@@ -36,7 +35,7 @@ def rigid_torque(inertia: Array, rates: Array, accelerations: Array) -> Array:
 def margins(problem: Problem, quaternions: Array) -> dict[str, float]:
     """Least distance [rad] to each forbidden set over attitudes (n, 4); negative inside."""
     R = so3.quaternion_to_matrix(quaternions)
-    along = margins_along(problem, R, np.asarray(0.0))
+    along = problem.forbidden.margins(R)
     return {name: float(np.min(values)) for name, values in along.items()}
 
 

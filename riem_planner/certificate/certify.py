@@ -5,19 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 from riem_planner.certificate import curve
 from riem_planner.certificate.clearance import certify_clearance
 from riem_planner.certificate.extremality import extremality, invariant_drift
 from riem_planner.certificate.limit_use import certify_limits
 from riem_planner.limits import Limits
-from riem_planner.obstacles import ObstacleTable
-from riem_planner.problem import S2
-
-if TYPE_CHECKING:
-    from riem_planner.problem import Problem
-    from riem_planner.trajectory import Trajectory
+from riem_planner.problem import S2, Problem
+from riem_planner.trajectory import Trajectory
 
 ATTITUDE_TOLERANCE = 1e-6
 """Error of the start and goal that is still rounding [rad]."""
@@ -78,7 +73,13 @@ class Certificate:
 
     @cached_property
     def extremality(self) -> float:
-        """Relative residual of the first-order conditions, integrated twice along the curve."""
+        """Relative residual of the first-order conditions, integrated twice along the curve.
+
+        Not a number where the curve is not proven to stay out of every zone: there the
+        conditions do not hold, or mean nothing.
+        """
+        if not all(bound > 0.0 for bound in self.clearance.values()):
+            return math.nan
         return extremality(self.trajectory, self.problem)
 
     @cached_property
@@ -91,8 +92,6 @@ def certify(
     trajectory: Trajectory,
     problem: Problem,
     limits: Limits | None = None,
-    *,
-    table: tuple[ObstacleTable, list[str]] | None = None,
 ) -> Certificate:
     """Judge a published trajectory by itself: nothing of the solver is believed.
 
@@ -104,11 +103,9 @@ def certify(
         What it has to fulfil; where its duration is automatic, that of the trajectory counts.
     limits
         What the spacecraft can do; by default the problem's.
-    table
-        `obstacle_table(problem)`, where it is at hand.
     """
     if problem.has_auto_duration:
-        problem, table = replace(problem, duration=trajectory.duration), None
+        problem = replace(problem, duration=trajectory.duration)
     start, goal = problem.start, problem.goal
     figures = curve.examine_curve(
         trajectory.times,
@@ -120,7 +117,7 @@ def certify(
         problem.boresight,
         problem.space == S2,
     ).tolist()
-    cleared = certify_clearance(trajectory, problem, table=table)
+    cleared = certify_clearance(trajectory, problem.forbidden)
     within = certify_limits(trajectory, problem.limits if limits is None else limits)
     reasons = _refusals(figures, trajectory, problem) + cleared.reasons
     return Certificate(

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from riem_planner.certificate.distance_bounds import bound_clearance
-from riem_planner.obstacles import ObstacleTable, Zone, obstacle_table
-
-if TYPE_CHECKING:
-    from riem_planner.problem import Problem
-    from riem_planner.trajectory import Trajectory
-
-Array = NDArray[np.float64]
+from riem_planner.obstacles import Forbidden
+from riem_planner.problem import Problem
+from riem_planner.trajectory import Trajectory
 
 
 @dataclass(frozen=True)
@@ -45,24 +40,21 @@ class Clearance:
 
 def certify_clearance(
     trajectory: Trajectory,
-    problem: Problem,
+    where: Forbidden | Problem,
     *,
     from_time: float = 0.0,
-    table: tuple[ObstacleTable, list[str]] | None = None,
 ) -> Clearance:
-    """Bound a trajectory's distance to a problem's obstacles, from a given time on.
+    """Bound a trajectory's distance to what is forbidden, from a given time on.
 
     Parameters
     ----------
     trajectory
-        What is judged; it need not have been planned for this problem.
-    problem
-        Whose obstacles count; nothing else of it does.
+        What is judged; it need not have been planned for these obstacles.
+    where
+        What to keep out of; of a problem only its obstacles count.
     from_time
         Start of the part that is judged [s], in [0, duration]. The obstacles stand at their
         places of time 0 then, and move on from there.
-    table
-        `obstacle_table(problem)`, where it is at hand.
 
     Raises
     ------
@@ -73,21 +65,18 @@ def certify_clearance(
         raise ValueError(
             f"from_time must lie in [0, {trajectory.duration:.9g}] s, got {from_time:.9g}"
         )
-    if problem.has_auto_duration:
-        problem, table = replace(problem, duration=trajectory.duration), None
-    rows, names = obstacle_table(problem) if table is None else table
+    forbidden = where.forbidden if isinstance(where, Problem) else where
     result = bound_clearance(
         trajectory.times,
         trajectory.quaternions_xyzw,
         trajectory.coefficients,
         float(from_time),
-        (rows.kind, rows.place, rows.boresight, rows.rate, rows.radius, rows.group),
-        problem.duration,
+        forbidden.table,
     ).tolist()
     clearance: dict[str, float] = {}
     worst: dict[str, float] = {}
     reasons = []
-    for name, (bound, least, time) in zip(dict.fromkeys(names), result, strict=True):
+    for name, (bound, least, time) in zip(forbidden.names, result, strict=True):
         clearance[name], worst[name] = bound, time
         if not bound > 0.0:
             reasons.append(_reason(name, bound, least, time))
@@ -104,8 +93,8 @@ def _reason(name: str, bound: float, least: float, time: float) -> str:
 
 
 def clearance_along(
-    trajectory: Trajectory, problem: Problem, times: ArrayLike, *, from_time: float = 0.0
-) -> dict[str, Array]:
+    trajectory: Trajectory, where: Forbidden | Problem, times: ArrayLike, *, from_time: float = 0.0
+) -> dict[str, NDArray[np.float64]]:
     """Distances of a trajectory to what is forbidden at given times, for plots and displays.
 
     Parameters
@@ -118,17 +107,8 @@ def clearance_along(
     Returns
     -------
     dict
-        Per obstacle's or keep-in group's name its margin (...) [rad], negative inside.
+        Per forbidden set its margin (...) [rad], negative inside.
     """
+    forbidden = where.forbidden if isinstance(where, Problem) else where
     t = np.asarray(times, dtype=float)
-    R, _, _ = trajectory.evaluate(t)
-    margins: dict[str, Array] = {}
-    for obstacle in problem.obstacles:
-        margin = obstacle.distance(R, t - from_time) - obstacle.radius
-        name = str(obstacle.name)
-        if isinstance(obstacle, Zone) and obstacle.kind == "keep_in":
-            name = obstacle.group if obstacle.group is not None else name
-            margins[name] = np.maximum(margins.get(name, -np.inf), -margin)
-        else:
-            margins[name] = margin
-    return margins
+    return forbidden.margins(trajectory.evaluate(t)[0], t - from_time)

@@ -34,6 +34,16 @@ from riem_planner.certificate.interval import (
     rows_finite,
 )
 from riem_planner.kernels import inlined, kernel
+from riem_planner.obstacles.table import (
+    BORESIGHT,
+    GROUP,
+    KEEP_IN,
+    KIND,
+    ORIENTATION,
+    PLACE,
+    RADIUS,
+    RATE,
+)
 
 TIGHTNESS = 1e-4
 """A reported clearance is less than the true one by at most this [rad], ..."""
@@ -44,10 +54,6 @@ LEAST_TIGHTNESS = 1e-9
 ROUNDING = 1e-12
 """Subtracted from every clearance [rad]; rounding of a distance is a hundred times smaller."""
 
-_ORIENTATION, _KEEP_IN = 0, 2
-# Columns of an obstacle's row.
-_KIND, _SIGN, _RADIUS, _GROUP, _SPEED = range(5)
-_PLACE, _BORESIGHT, _RATE, _COLUMNS = 5, 9, 12, 15
 _STEEP = 1e30  # stands for infinity, but gives 0 times 0
 _DEPTH = 48  # halvings of one interval
 _EVALUATIONS = 200_000  # per forbidden set; a hundredth suffices wherever the margin is above 1e-6
@@ -56,15 +62,15 @@ _EVALUATIONS = 200_000  # per forbidden set; a hundredth suffices wherever the m
 @inlined
 def _distance(rows, i, q, t):
     """Distance of the attitude q at time t to obstacle i."""
-    x, y, z = rows[i, _RATE], rows[i, _RATE + 1], rows[i, _RATE + 2]
+    x, y, z = rows[i, RATE], rows[i, RATE + 1], rows[i, RATE + 2]
     if x != 0.0 or y != 0.0 or z != 0.0:
         # The frame that turns with the obstacle, in which it is fixed.
         q = quaternion_times(quaternion_of((-x * t, -y * t, -z * t)), q)
-    place = (rows[i, _PLACE], rows[i, _PLACE + 1], rows[i, _PLACE + 2])
-    if rows[i, _KIND] == _ORIENTATION:
-        p = quaternion_times((-place[0], -place[1], -place[2], rows[i, _PLACE + 3]), q)
+    place = (rows[i, PLACE], rows[i, PLACE + 1], rows[i, PLACE + 2])
+    if rows[i, KIND] == ORIENTATION:
+        p = quaternion_times((-place[0], -place[1], -place[2], rows[i, PLACE + 3]), q)
         return 2.0 * np.arctan2(norm((p[0], p[1], p[2])), abs(p[3]))
-    b = (rows[i, _BORESIGHT], rows[i, _BORESIGHT + 1], rows[i, _BORESIGHT + 2])
+    b = (rows[i, BORESIGHT], rows[i, BORESIGHT + 1], rows[i, BORESIGHT + 2])
     x = rotated(q, b)
     cosine = x[0] * place[0] + x[1] * place[1] + x[2] * place[2]
     return np.arctan2(norm(cross(x, place)), cosine)
@@ -73,9 +79,9 @@ def _distance(rows, i, q, t):
 @inlined
 def _curvature(kind, low, high):
     """Largest factor of w^2 in the second derivative of the margin, for low <= d <= high."""
-    if kind == _ORIENTATION:
+    if kind == ORIENTATION:
         return 0.5 / np.tan(0.5 * low) if low > 0.0 else _STEEP
-    if kind == _KEEP_IN:
+    if kind == KEEP_IN:
         low = np.pi - high  # the margin of the opposite cone, kept out
     return 0.5 + max(0.0, 1.0 / np.tan(low)) if low > 0.0 else _STEEP
 
@@ -83,7 +89,14 @@ def _curvature(kind, low, high):
 @inlined
 def _own_margin(rows, i, distance):
     """Margin of obstacle i at a distance."""
-    return rows[i, _SIGN] * (distance - rows[i, _RADIUS])
+    outside = distance - rows[i, RADIUS]
+    return -outside if rows[i, KIND] == KEEP_IN else outside
+
+
+@inlined
+def _speed(rows, i):
+    """Angular speed of obstacle i."""
+    return np.sqrt(rows[i, RATE] ** 2 + rows[i, RATE + 1] ** 2 + rows[i, RATE + 2] ** 2)
 
 
 @inlined
@@ -92,7 +105,7 @@ def _first_bound(first, end, rows, left, right, depth, V, h):
     m_0 = m_1 = -np.inf
     L = 0.0
     for i in range(first, end):
-        L = max(L, V + rows[i, _SPEED])
+        L = max(L, V + _speed(rows, i))
         m_0 = max(m_0, _own_margin(rows, i, left[i]))
         m_1 = max(m_1, _own_margin(rows, i, right[depth, i]))
     return 0.5 * (m_0 + m_1 - L * h)
@@ -103,10 +116,10 @@ def _second_bound(first, end, rows, left, right, depth, V, A, h):
     """Lower bound of a set's margin between distances left and right, by its curvature."""
     bound = -np.inf
     for i in range(first, end):
-        d_0, d_1, rate = left[i], right[depth, i], rows[i, _SPEED]
+        d_0, d_1, rate = left[i], right[depth, i], _speed(rows, i)
         w = V + rate
         mean, half = 0.5 * (d_0 + d_1), 0.5 * w * h
-        M = A + V * rate + w * w * _curvature(rows[i, _KIND], mean - half, mean + half)
+        M = A + V * rate + w * w * _curvature(rows[i, KIND], mean - half, mean + half)
         lower = min(_own_margin(rows, i, d_0), _own_margin(rows, i, d_1))
         bound = max(bound, lower - 0.125 * M * h * h)
     return bound
@@ -182,34 +195,12 @@ def _bound_set(first, end, rows, times, quaternions, coefficients, k_0, from_tim
     return min(certified, least), least, worst
 
 
-@inlined
-def _packed(table, duration):
-    """The obstacles as rows of one array, rates in rad/s."""
-    kinds, places, boresights, turns, radii, groups = table
-    rows = np.empty((kinds.size, _COLUMNS))
-    for i in range(kinds.size):
-        rows[i, _KIND] = kinds[i]
-        rows[i, _SIGN] = -1.0 if kinds[i] == _KEEP_IN else 1.0
-        rows[i, _RADIUS] = radii[i]
-        square = 0.0
-        for j in range(3):
-            rows[i, _PLACE + j] = places[i, j]
-            rows[i, _BORESIGHT + j] = boresights[i, j]
-            rows[i, _RATE + j] = turns[i, j] / duration
-            square += rows[i, _RATE + j] ** 2
-        rows[i, _PLACE + 3] = places[i, 3]
-        rows[i, _SPEED] = np.sqrt(square)
-        rows[i, _GROUP] = groups[i]
-    return rows
-
-
 @kernel
-def bound_clearance(times, quaternions, coefficients, from_time, table, duration):
-    """Certified bound, least margin found and its time (sets, 3), in the order of the table.
+def bound_clearance(times, quaternions, coefficients, from_time, rows):
+    """Certified bound, least margin found and its time (sets, 3), in the order of the rows.
 
     All NaN if the trajectory is not finite.
     """
-    rows = _packed(table, duration)
     n = rows.shape[0]
     k_0 = 0
     while k_0 < times.size - 2 and times[k_0 + 1] <= from_time:
@@ -229,7 +220,7 @@ def bound_clearance(times, quaternions, coefficients, from_time, table, duration
         if first < end:
             continue
         end = first + 1
-        while end < n and rows[first, _SIGN] < 0.0 and rows[end, _GROUP] == rows[first, _GROUP]:
+        while end < n and rows[first, GROUP] >= 0.0 and rows[end, GROUP] == rows[first, GROUP]:
             end += 1
         result[sets, 0] = result[sets, 1] = result[sets, 2] = np.nan
         if finite:
@@ -238,7 +229,7 @@ def bound_clearance(times, quaternions, coefficients, from_time, table, duration
             )
             turned = 0.0
             for i in range(first, end):
-                turned = max(turned, rows[i, _SPEED] * (times[-1] - from_time))
+                turned = max(turned, _speed(rows, i) * (times[-1] - from_time))
             # A moving obstacle's angle is rounded by its size.
             result[sets, 0] = certified - ROUNDING * (1.0 + 1e-3 * turned)
             result[sets, 1] = least

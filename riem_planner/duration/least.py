@@ -144,10 +144,8 @@ def _scales(problem: Problem) -> bool:
         not np.any(problem.start.angular_velocity)
         and not np.any(problem.goal.angular_velocity)
         and not problem.tension
-        and all(
-            obstacle.normalized_strength is not None and not np.any(obstacle.rate)
-            for obstacle in problem.obstacles
-        )
+        and not problem.forbidden.moving
+        and all(obstacle.normalized_strength is not None for obstacle in problem.obstacles)
     )
 
 

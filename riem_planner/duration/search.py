@@ -189,8 +189,9 @@ def _followed(trials: _Trials, kept: _Trial) -> _Trial:
 def _hopeless(free: Problem, trials: list[_Trial]) -> bool:
     """Whether longer durations are not worth trying."""
     status = trials[-1].solution.status
-    moving = any(np.any(obstacle.rate) for obstacle in free.obstacles)
-    if status is Status.START_IN_ZONE or (status is Status.GOAL_IN_ZONE and not moving):
+    if status is Status.START_IN_ZONE or (
+        status is Status.GOAL_IN_ZONE and not free.forbidden.moving
+    ):
         return True
     last = trials[-_MOST_FAILURES:]
     failures = len(last) == _MOST_FAILURES and all(trial.trajectory is None for trial in last)

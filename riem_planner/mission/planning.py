@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from riem_planner.mission.settings import Settings
 from riem_planner.mission.timeline import Setpoint
 from riem_planner.mission.zone_tracker import World
-from riem_planner.obstacles import Zone
 from riem_planner.problem import AUTO, Problem, State
 from riem_planner.solution import Solution, Status
 from riem_planner.solve import solve
@@ -190,30 +189,13 @@ def attempts_keeping(
     )
 
 
-def potential_along(problem: Problem, attitudes: Array, times: Array) -> Array:
-    """Sum of all potentials V (n,) [rad^2/s^4] at attitudes (n, 3, 3) and times (n,) [s]."""
-    total = np.zeros(len(times))
-    groups: dict[str, Array] = {}
-    for obstacle in problem.obstacles:
-        distance, r = obstacle.distance(attitudes, times), obstacle.radius
-        tau = problem.strength_of(obstacle)
-        if isinstance(obstacle, Zone) and obstacle.kind == "keep_in":
-            depth = np.maximum(0.0, (r**2 - distance**2) / (2.0 * r))
-            name = obstacle.group if obstacle.group is not None else str(obstacle.name)
-            groups[name] = groups.get(name, np.zeros(len(times))) + depth**4 / tau**2
-        else:
-            total += tau / np.maximum(distance - r, 1e-9) ** 2
-    for depths in groups.values():
-        total += 1.0 / np.sqrt(np.maximum(depths, 1e-30))
-    return total
-
-
 def cost_along(problem: Problem, trajectory: Trajectory, begin: float = 0.0) -> float:
     """Cost [rad^2/s^3] of a trajectory from a time in it [s] on, by Simpson's rule."""
     times = np.linspace(begin, trajectory.duration, _QUADRATURE + 1)
     attitudes, v, a = trajectory.evaluate(times)
     lagrangian = np.sum(a * a, axis=1) + problem.sigma * np.sum(v * v, axis=1)
-    lagrangian = lagrangian + potential_along(problem, attitudes, times - begin)
+    V, _ = problem.forbidden.repulsion(attitudes, times - begin, problem.duration)
+    lagrangian = lagrangian + V
     weights = np.full(times.size, 2.0)
     weights[1::2] = 4.0
     weights[[0, -1]] = 1.0

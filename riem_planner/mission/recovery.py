@@ -110,16 +110,15 @@ def way_out_segment(
     start: Setpoint, judge: Judge, settings: Settings, flying: Trajectory | None
 ) -> Segment:
     """The shortest way out from a reference state, as a segment."""
-    problem = judge.problem(start.stamp_ns)
-    fastest = max((float(np.linalg.norm(o.rate)) for o in problem.obstacles), default=0.0)
+    forbidden = judge.forbidden(start.stamp_ns)
     calm = without_roll(start, settings)
     trajectory = way_out(
         calm.quaternion,
         calm.rate,
         calm.acceleration,
-        problem,
+        forbidden,
         gentle_acceleration(settings, flying),
-        MARGIN + fastest * hold_horizon(settings),
+        MARGIN + forbidden.fastest * hold_horizon(settings),
     )
     return Segment(start.stamp_ns, trajectory, Purpose.WAY_OUT)
 

@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riem_planner.certificate import certify_clearance
-from riem_planner.escape import FINE, fall_before_exit, least_margin, margins_along
+from riem_planner.escape import FINE, fall_before_exit
 from riem_planner.geometry import so3
 from riem_planner.mission.settings import Settings
 from riem_planner.mission.timeline import Segment, Setpoint, Timeline
 from riem_planner.mission.zone_tracker import World
-from riem_planner.problem import S2, Problem, State
+from riem_planner.obstacles import Forbidden
+from riem_planner.problem import S2
 from riem_planner.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -21,7 +22,6 @@ Array = NDArray[np.float64]
 CUT_TOLERANCE = 1e-7
 """Clearance asked of a part of a trajectory, which is fitted anew where it is cut [rad]."""
 _STILL_FALLING = 0.05  # rad
-_ANYWHERE = State(np.eye(3))
 
 
 @dataclass(frozen=True)
@@ -48,19 +48,9 @@ class Verdict:
         return not self.reasons
 
 
-def world_problem(world: World, settings: Settings, now_ns: int) -> Problem:
-    """The world as a problem whose obstacles stand at their places of a time [ns].
-
-    Only its obstacles mean anything: it states what is forbidden, not where to go.
-    """
-    return Problem(
-        _ANYWHERE,
-        _ANYWHERE,
-        1.0,
-        space=settings.space,
-        obstacles=world.obstacles(now_ns),
-        boresight=settings.boresight,
-    )
+def forbidden_at(world: World, settings: Settings, now_ns: int) -> Forbidden:
+    """What is forbidden in a world, at its places of a time [ns] and moving on from there."""
+    return Forbidden(world.obstacles(now_ns), settings.boresight, settings.space == S2)
 
 
 def portion(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
@@ -97,19 +87,19 @@ class Judge:
         self.now_ns = now_ns
         self._world = world
         self._settings = settings
-        self._problems: dict[int, Problem] = {}
+        self._forbidden: dict[int, Forbidden] = {}
 
-    def problem(self, time_ns: int) -> Problem:
-        """The world at a time [ns]; the same for all times if nothing moves."""
+    def forbidden(self, time_ns: int) -> Forbidden:
+        """What is forbidden from a time [ns] on; the same for all times if nothing moves."""
         key = time_ns if self._world.moving else self.now_ns
-        if key not in self._problems:
-            self._problems[key] = world_problem(self._world, self._settings, key)
-        return self._problems[key]
+        if key not in self._forbidden:
+            self._forbidden[key] = forbidden_at(self._world, self._settings, key)
+        return self._forbidden[key]
 
     def margins(self, setpoint: Setpoint) -> dict[str, float]:
         """Distance of a setpoint to each forbidden set [rad], negative inside."""
         attitude = so3.quaternion_to_matrix(setpoint.quaternion)
-        margins = margins_along(self.problem(setpoint.stamp_ns), attitude, np.asarray(0.0))
+        margins = self.forbidden(setpoint.stamp_ns).margins(attitude)
         return {name: float(margin) for name, margin in margins.items()}
 
     def inside(self, setpoint: Setpoint) -> tuple[str, ...]:
@@ -132,7 +122,7 @@ class Judge:
                 continue
             last = horizon_ns if until is None else until
             for start_ns, motion, from_time, least in _pieces(segment, begin, until, last):
-                found = certify_clearance(motion, self.problem(start_ns), from_time=from_time)
+                found = certify_clearance(motion, self.forbidden(start_ns), from_time=from_time)
                 reasons += found.reasons
                 for name, bound in found.clearance.items():
                     if bound <= least and not found.reasons:
@@ -148,8 +138,8 @@ class Judge:
         begin = segment.elapsed(max(self.now_ns, segment.start_ns))
         rest = np.linspace(begin, max(segment.elapsed(until_ns), begin), 100)
         attitudes = segment.trajectory.evaluate(rest)[0]
-        problem = self.problem(max(self.now_ns, segment.start_ns))
-        margins = least_margin(problem, attitudes, rest - begin)
+        forbidden = self.forbidden(max(self.now_ns, segment.start_ns))
+        margins = forbidden.least_margin(attitudes, rest - begin)
         # While the rate it began with is taken out the margin may have to fall.
         allowed = _STILL_FALLING if begin < 0.3 * segment.trajectory.duration else FINE
         return bool(fall_before_exit(margins) <= allowed and margins[-1] > 0.0)

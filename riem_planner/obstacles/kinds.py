@@ -24,6 +24,32 @@ from riem_planner.geometry import so3, sphere
 Array = NDArray[np.float64]
 
 
+def first_axis() -> Array:
+    """The body axis of zones that name none, (1, 0, 0)."""
+    return frozen(np.array([1.0, 0.0, 0.0]))
+
+
+class _Repelling:
+    """The strength that all obstacles have, stated for their problem's units or for a slew."""
+
+    strength: float | None
+    normalized_strength: float | None
+
+    def strength_in(self, duration: float) -> float:
+        """Strength tau [rad^4/s^4] in a slew of a duration T [s]."""
+        if self.normalized_strength is not None:
+            return self.normalized_strength / duration**4
+        assert self.strength is not None  # checked when the obstacle was made
+        return self.strength
+
+    def normalized_in(self, duration: float) -> float:
+        """Strength `tau T^4` [rad^4] in a slew of a duration T [s]."""
+        if self.normalized_strength is not None:
+            return self.normalized_strength
+        assert self.strength is not None  # checked when the obstacle was made
+        return self.strength * duration**4
+
+
 def _check_strength(obstacle: Obstacle) -> None:
     given = [
         key for key in ("strength", "normalized_strength") if getattr(obstacle, key) is not None
@@ -52,7 +78,7 @@ def _check_range(obstacle: Obstacle, least: float) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class OrientationObstacle:
+class OrientationObstacle(_Repelling):
     """An attitude to keep away from, on SO(3).
 
     Parameters
@@ -109,9 +135,13 @@ class OrientationObstacle:
         """Rotation angle (...) [rad] from attitudes (..., 3, 3) to the obstacle at times (...)."""
         return so3.distance(attitudes, self.orientation_at(times))
 
+    def margin(self, attitudes: ArrayLike, times: ArrayLike = 0.0) -> Array:
+        """Distance (...) [rad] from attitudes (..., 3, 3) to what is forbidden; negative inside."""
+        return self.distance(attitudes, times) - self.radius
+
 
 @dataclass(frozen=True, eq=False)
-class Zone:
+class Zone(_Repelling):
     """A cone about a direction that a body axis is kept out of, or in.
 
     Parameters
@@ -165,6 +195,11 @@ class Zone:
         _check_range(self, self.half_angle)
 
     @property
+    def body_axis(self) -> Array:
+        """The boresight (3,), or what stands for none."""
+        return first_axis() if self.boresight is None else self.boresight
+
+    @property
     def radius(self) -> float:
         """The half-angle [rad], under the name all obstacles share."""
         return self.half_angle
@@ -176,13 +211,12 @@ class Zone:
 
     def distance(self, attitudes: ArrayLike, times: ArrayLike = 0.0) -> Array:
         """Angle (...) [rad] between the boresight under attitudes (..., 3, 3) and the axis."""
-        boresight = np.array([1.0, 0.0, 0.0]) if self.boresight is None else self.boresight
-        return sphere.angle(np.asarray(attitudes) @ boresight, self.direction_at(times))
+        return sphere.angle(np.asarray(attitudes) @ self.body_axis, self.direction_at(times))
+
+    def margin(self, attitudes: ArrayLike, times: ArrayLike = 0.0) -> Array:
+        """Distance (...) [rad] from attitudes (..., 3, 3) to what is forbidden; negative inside."""
+        outside = self.distance(attitudes, times) - self.half_angle
+        return -outside if self.kind == "keep_in" else outside
 
 
 Obstacle = OrientationObstacle | Zone
-
-
-def default_boresight() -> Array:
-    """The body axis of obstacles that name none, (1, 0, 0)."""
-    return frozen(np.array([1.0, 0.0, 0.0]))

@@ -15,8 +15,8 @@ from scipy.integrate import solve_ivp
 
 from riem_planner.extremals import extremal, snap
 from riem_planner.geometry import so3, sphere
+from riem_planner.geometry.sphere import cross
 from riem_planner.obstacles import Zone
-from riem_planner.obstacles.force import cross
 from riem_planner.problem import S2, Problem, State
 from riem_planner.solve import plan
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from riem_planner.checks import finite_array, positive_number
 from riem_planner.errors import InvalidProblemError
 from riem_planner.geometry import so3
-from riem_planner.obstacles import Zone
 from riem_planner.problem import Problem
 from riem_planner.simulation.dynamics import BodyState, Controller, SensorNoise, Spacecraft, Target
 from riem_planner.trajectory import Trajectory
@@ -169,19 +168,9 @@ def _clearance(
     """
     if not problem.obstacles:
         return {}
+    forbidden = problem.forbidden
     change = float(np.max(np.linalg.norm(np.diff(rates, axis=0), axis=1)))
-    fastest = float(np.max(np.linalg.norm(rates, axis=1))) + change
-    fastest += max(float(np.linalg.norm(obstacle.rate)) for obstacle in problem.obstacles)
+    fastest = float(np.max(np.linalg.norm(rates, axis=1))) + change + forbidden.fastest
     slack = 0.5 * fastest * float(np.max(np.diff(times)))
-    margins: dict[str, Array] = {}
-    attitudes = so3.quaternion_to_matrix(quaternions)
-    for obstacle in problem.obstacles:
-        distances = obstacle.distance(attitudes, times)
-        if isinstance(obstacle, Zone) and obstacle.kind == "keep_in":
-            # Of a group the best member counts, at each time.
-            name = str(obstacle.name if obstacle.group is None else obstacle.group)
-            inside = obstacle.half_angle - distances
-            margins[name] = np.maximum(margins.get(name, inside), inside)
-        else:
-            margins[str(obstacle.name)] = distances - obstacle.radius
+    margins = forbidden.margins(so3.quaternion_to_matrix(quaternions), times)
     return {name: float(np.min(values)) - slack for name, values in margins.items()}

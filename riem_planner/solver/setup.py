@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riem_planner.geometry import so3
-from riem_planner.obstacles.table import BORESIGHT, packed
+from riem_planner.obstacles.table import BORESIGHT
 from riem_planner.problem import S2, Problem
 from riem_planner.solver.curves import lift
 
@@ -71,7 +71,7 @@ def set_up(problem: Problem) -> Setup:
     """Normalise a problem."""
     T = problem.duration
     pointing = problem.space == S2
-    table = packed(problem.table[0])
+    table = problem.forbidden.normalised_table(T)
     body, to_body = _UNTURNED, None
     ends = []
     if pointing:

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riem_planner.geometry import so3
-from riem_planner.obstacles.force import cross
+from riem_planner.geometry.sphere import cross
 from riem_planner.obstacles.potential import potential
-from riem_planner.obstacles.table import packed
 from riem_planner.problem import Problem
 
 Array = NDArray[np.float64]
@@ -88,7 +87,7 @@ class TorqueCost:
         self.inertia = inertia / (np.trace(inertia) / 3.0)
         self.sigma = problem.sigma * problem.duration**2
         self.points, self.weights = points, weights
-        self._table = packed(problem.table[0])
+        self._table = problem.forbidden.normalised_table(problem.duration)
 
     def torque(self, motion: Motion) -> Array:
         """`u = J a + v x J v` (m, 3)."""

@@ -5,8 +5,8 @@ derivative that a trajectory does not have:
 
     p = integral( L_v - R^T integral(R F) ) + p_0 - integral(R^T) c
 
-with two constant vectors. `F` is from the certificate's own formulas of the potential as stated,
-and the integrals are by another rule than the descent's: they share nothing with it.
+with two constant vectors. `F` is from the formulas in NumPy of the potential as stated, and
+the integrals are by another rule than the descent's: they share nothing with it.
 """
 
 from __future__ import annotations
@@ -14,8 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from riem_planner.certificate.extremality import potential_and_force
-from riem_planner.obstacles.force import cross
+from riem_planner.geometry.sphere import cross
 from riem_planner.problem import Problem
 from riem_planner.trajectory import Trajectory
 
@@ -63,8 +62,8 @@ def torque_extremality(trajectory: Trajectory, problem: Problem, inertia: ArrayL
     h = np.diff(trajectory.times)
     t = np.minimum(trajectory.times[:-1, None] + h[:, None] * _NODES, trajectory.duration)
     R, v, a = trajectory.evaluate(t)
-    with np.errstate(all="ignore"):
-        F = potential_and_force(problem, R.reshape(-1, 3, 3), t.ravel())[1].reshape(v.shape)
+    attitudes = R.reshape(-1, 3, 3)
+    F = problem.forbidden.repulsion(attitudes, t.ravel(), problem.duration)[1].reshape(v.shape)
     if not np.all(np.isfinite(F)):
         return float("nan")
     momentum = v @ J

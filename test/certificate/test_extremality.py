@@ -9,7 +9,6 @@ from curves import problem_of, random_quaternion, replaced, slew
 from scipy.integrate import solve_ivp
 
 from riem_planner import S2, SO3, OrientationObstacle, Problem, State, Trajectory, Zone, certify
-from riem_planner.certificate.extremality import potential_and_force
 from riem_planner.geometry import so3
 
 SPACES = pytest.mark.parametrize("space", [SO3, S2], ids=["so3", "s2"])
@@ -40,7 +39,7 @@ def integrated(space, samples, rate=0.0, tension=0.7):
 
     def field(t, y):
         q, v, a, j = y[:4], y[4:7], y[7:10], y[10:]
-        _, force = potential_and_force(problem, so3.quaternion_to_matrix(q)[None], np.array([t]))
+        _, force = problem.forbidden.repulsion(so3.quaternion_to_matrix(q)[None], t, T)
         if space == S2:
             snap = np.cross(np.cross(a, v), v) + tension * a - (force[0] - (force[0] @ b) * b)
         else:
@@ -70,12 +69,12 @@ def test_force_is_half_the_gradient_of_the_potential(space):
         if min(problem.margins(R[0], 0.7).values()) < 0.1:
             continue
         compared += 1
-        _, F = potential_and_force(problem, R, t)
+        _, F = problem.forbidden.repulsion(R, t, T)
         direction = rng.normal(size=3)
         step = 1e-5
 
         def at(x, R=R, direction=direction):
-            return potential_and_force(problem, R @ so3.exp(x * direction), t)[0][0]
+            return problem.forbidden.repulsion(R @ so3.exp(x * direction), t, T)[0][0]
 
         slope = (8 * (at(step) - at(-step)) - (at(2 * step) - at(-2 * step))) / (12 * step)
         assert 2.0 * F[0] @ direction == pytest.approx(slope, rel=1e-7, abs=1e-8)

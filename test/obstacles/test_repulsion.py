@@ -5,9 +5,8 @@ import pytest
 
 from riem_planner import S2, SO3, OrientationObstacle, Problem, State, Zone
 from riem_planner.geometry import so3
-from riem_planner.obstacles.force import distance_and_gradient, potential_and_force
 from riem_planner.obstacles.potential import potential
-from riem_planner.obstacles.table import obstacle_table, packed
+from riem_planner.obstacles.repulsion import distance_and_gradient
 
 Q = so3.exp([0.5, 0.9, -0.3])
 OBSTACLES = {
@@ -28,10 +27,15 @@ def problem_with(obstacles, space=SO3):
     return Problem(start=state, goal=state, duration=3.0, space=space, obstacles=obstacles)
 
 
+def potential_and_force(problem, attitude, time):
+    V, F = problem.forbidden.repulsion(attitude[None], time, problem.duration)
+    return V[0], F[0]
+
+
 @pytest.mark.parametrize("name", OBSTACLES)
 def test_numpy_and_compiled_potentials_agree(name):
     problem = problem_with(OBSTACLES[name])
-    table = packed(obstacle_table(problem)[0])
+    table = problem.forbidden.normalised_table(3.0)
     rng = np.random.default_rng(2)
     compared = 0
     while compared < 40:
@@ -87,6 +91,6 @@ def test_distance_and_gradient_near_zero_and_near_pi():
     for angle in (1e-9, 1e-4, np.pi - 1e-4, np.pi - 1e-9):
         R = so3.exp([0.0, angle, 0.0])
         for obstacle in (OrientationObstacle(np.eye(3), 1.0), Zone([1, 0, 0], 0.0, strength=1.0)):
-            d, w = distance_and_gradient(obstacle, R, 0.0)
-            assert d == pytest.approx(angle, abs=2e-15)
-            np.testing.assert_allclose(w, [0.0, angle, 0.0], atol=1e-7 * angle)
+            d, w = distance_and_gradient(obstacle, R[None], np.zeros(1))
+            assert d[0] == pytest.approx(angle, abs=2e-15)
+            np.testing.assert_allclose(w[0], [0.0, angle, 0.0], atol=1e-7 * angle)

@@ -8,15 +8,15 @@ from scipy.spatial.transform import Rotation
 from scipy.special import betainc
 from taylor import remainder_order
 
-from riem_planner import OrientationObstacle, Problem, State, Zone
+from riem_planner import OrientationObstacle, Zone
 from riem_planner.geometry import so3
+from riem_planner.obstacles import Forbidden
 from riem_planner.obstacles.potential import (
     CUT_WIDTH,
     first_derivatives,
     potential,
     row_margins,
 )
-from riem_planner.obstacles.table import obstacle_table, packed
 
 DURATION = 3.0
 Q = so3.exp([0.5, 0.9, -0.3])
@@ -47,9 +47,7 @@ SOFTS = (0.0, 0.05, 0.35, 1.0)
 
 
 def table_of(obstacles):
-    at_rest = State(np.eye(3))
-    problem = Problem(at_rest, at_rest, DURATION, obstacles=tuple(obstacles))
-    return packed(obstacle_table(problem)[0])
+    return Forbidden(tuple(obstacles)).normalised_table(DURATION)
 
 
 def stated_distances(obstacles, attitude, time):
