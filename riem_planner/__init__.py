@@ -3,7 +3,7 @@
 from riem_planner.certificate import Certificate, certify
 from riem_planner.errors import InvalidProblemError, PlanningError, RiemPlannerError
 from riem_planner.extremals import extremal
-from riem_planner.limits import Limits
+from riem_planner.limits import Limits, Wheel
 from riem_planner.obstacles import OrientationObstacle, Zone
 from riem_planner.problem import S2, SO3, Problem, Space, State
 from riem_planner.solution import Alternative, Solution, Status
@@ -28,6 +28,7 @@ __all__ = [
     "State",
     "Status",
     "Trajectory",
+    "Wheel",
     "Zone",
     "certify",
     "extremal",

@@ -24,8 +24,9 @@ _FASTMATH = {"reassoc", "contract", "nsz", "arcp"}
 # Where kernels are, and the constants that are compiled into them.
 # Of the solver only its compiled half: its plans change more often, and compile nothing.
 _COMPILED_ROOMS = (
-    "kernels.py", "trajectory.py", "geometry/*.py", "obstacles/*.py", "solver/curves.py",
-    "solver/descent.py", "solver/dop853.py", "solver/shooting.py", "certificate/*.py",
+    "kernels.py", "limits.py", "trajectory.py", "geometry/*.py", "obstacles/*.py",
+    "solver/curves.py", "solver/descent.py", "solver/dop853.py", "solver/shooting.py",
+    "certificate/*.py", "least_time/*.py",
 )  # fmt: skip
 # Of these, the files that define kernels, and those that only hold constants for them.
 _IMPORT, _CONSTANTS = b"from riem_planner.kernels import", ("kernels.py", "table.py", "dop853.py")

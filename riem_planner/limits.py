@@ -1,23 +1,83 @@
-"""What a spacecraft can do: largest body rate, acceleration, torque and wheel momentum."""
+"""What a spacecraft can do: largest rate, acceleration, torque, momentum, jerk; its wheels."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from riem_planner.checks import finite_array, frozen, positive_number
+from riem_planner.checks import finite_array, frozen, positive_number, unit_vector
 from riem_planner.errors import InvalidProblemError
 
 Array = NDArray[np.float64]
 
-QUANTITIES = ("rate", "acceleration", "torque", "momentum")
-UNITS = ("rad/s", "rad/s^2", "N m", "N m s")
+QUANTITIES = ("rate", "acceleration", "torque", "momentum", "jerk", "torque_rate")
+"""What is limited by one number or three."""
 
+UNITS = ("rad/s", "rad/s^2", "N m", "N m s", "rad/s^3", "N m/s")
+
+WHEELS = "wheels"
+"""The key of the reaction wheels, whose torque and momentum are limited one by one."""
+
+RATE, ACCELERATION, TORQUE, MOMENTUM, JERK, TORQUE_RATE, WHEEL_TORQUE, WHEEL_MOMENTUM = range(8)
+"""Rows of every table of limits: the quantities above, then what the wheels have to give."""
+
+POWERS = (1.0, 2.0, 2.0, 1.0, 3.0, 3.0, 2.0, 1.0)
+"""Of 1/T, with which each row's quantity goes along the same path."""
+
+KEYS = (*QUANTITIES, WHEELS, WHEELS)
+"""The key of each row's limit."""
+
+_NEED_INERTIA = ("torque", "momentum", "torque_rate", WHEELS)
 _SYMMETRY = 1e-9  # relative, of an inertia matrix
+_LEAST_SPREAD = 1e-6  # of wheels' axes, the least singular value over the greatest
+
+
+@dataclass(frozen=True, eq=False)
+class Wheel:
+    """A reaction wheel.
+
+    Parameters
+    ----------
+    axis : (3,)
+        Its spin axis in body axes; any length but zero.
+    torque
+        The most that its motor gives [N m].
+    momentum
+        The most that it stores [N m s].
+    """
+
+    axis: ArrayLike
+    torque: float
+    momentum: float
+
+    def __post_init__(self) -> None:
+        """Validate and freeze."""
+        object.__setattr__(self, "axis", unit_vector("axis", self.axis))
+        for key in ("torque", "momentum"):
+            object.__setattr__(self, key, positive_number(key, getattr(self, key)))
+
+
+class LimitTable(NamedTuple):
+    """Limits as arrays, which compiled code reads: the part used of quantity f is the greatest of
+    `norms[i] |f|` and `|rows[k] . f|`, k from `first[i]` to `first[i + 1]`.
+
+    Attributes
+    ----------
+    norms : (8,)
+        Reciprocal of the limit of a quantity's norm; 0 without one.
+    rows : (n, 3)
+        Directions over limits.
+    first : (9,)
+        First row of each quantity.
+    """  # noqa: D205 (a formula)
+
+    norms: Array
+    rows: Array
+    first: NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +94,14 @@ class Limits:
         Of the control torque `J a + v x J v` [N m]; needs the inertia.
     momentum
         Of the angular momentum `J v` that the wheels store [N m s]; needs the inertia.
+    jerk
+        Of `a'` [rad/s^3].
+    torque_rate
+        Of the derivative of the control torque [N m/s]; needs the inertia.
+    wheels
+        Reaction wheels, at least three, whose axes span space; needs the inertia. With P the
+        pseudo-inverse of the matrix of their axes and h the total angular momentum in body axes,
+        wheel i gives `(P (J a + v x h))_i` and stores `(P (h - J v))_i`.
     inertia : (3, 3)
         J in body axes [kg m^2], symmetric and positive definite.
 
@@ -48,25 +116,37 @@ class Limits:
     torque: float | ArrayLike | None = None
     momentum: float | ArrayLike | None = None
     inertia: ArrayLike | None = None
+    jerk: float | ArrayLike | None = None
+    torque_rate: float | ArrayLike | None = None
+    wheels: tuple[Wheel, ...] = ()
 
     def __post_init__(self) -> None:
         """Validate and freeze."""
-        stated = [key for key in QUANTITIES if getattr(self, key) is not None]
-        if not stated:
+        object.__setattr__(self, WHEELS, _checked_wheels(self.wheels))
+        if not self.keys:
             raise InvalidProblemError(
-                "limits", f"expected at least one of {', '.join(QUANTITIES)}, got none"
+                "limits", f"expected at least one of {', '.join(KEYS[:-1])}, got none"
             )
-        for key in stated:
+        for key in (key for key in self.keys if key != WHEELS):
             object.__setattr__(self, key, _bound(f"limits.{key}", getattr(self, key)))
         if self.inertia is not None:
             object.__setattr__(self, "inertia", checked_inertia(self.inertia))
             return
-        for key in ("torque", "momentum"):
-            if getattr(self, key) is not None:
+        for key in _NEED_INERTIA:
+            if key in self.keys:
                 raise InvalidProblemError(
                     "inertia",
                     f"missing; limits.{key} needs it: a 3x3 matrix, row by row, in kg m^2",
                 )
+
+    @cached_property
+    def keys(self) -> tuple[str, ...]:
+        """Keys of the limits that there are."""
+        return tuple(
+            key
+            for key in KEYS[:-1]
+            if (self.wheels if key == WHEELS else getattr(self, key) is not None)
+        )
 
     @cached_property
     def inertia_matrix(self) -> Array:
@@ -79,39 +159,95 @@ class Limits:
         return float(np.linalg.eigvalsh(self.inertia_matrix)[-1])
 
     @cached_property
-    def reciprocals(self) -> Array:
-        """Reciprocals (4, 4) of the limits: per quantity of the norm, then of each axis.
+    def wheel_distribution(self) -> Array:
+        """P (n, 3): the pseudo-inverse of the matrix of the wheels' axes."""
+        axes = np.reshape([wheel.axis for wheel in self.wheels], (-1, 3))
+        return frozen(np.linalg.pinv(axes.T) if self.wheels else axes)
 
-        0 where there is no limit, so that products are the part of a limit that is used.
-        """
-        table = np.zeros((4, 4))
-        for row, key in enumerate(QUANTITIES):
+    @cached_property
+    def table(self) -> LimitTable:
+        """The limits as arrays."""
+        norms, rows = np.zeros(len(KEYS)), []
+        for i, key in enumerate(QUANTITIES):
             value = getattr(self, key)
+            rows.append(np.zeros((0, 3)))
             if isinstance(value, float):
-                table[row, 0] = 1.0 / value
+                norms[i] = 1.0 / value
             elif value is not None:
-                table[row, 1:] = 1.0 / value
-        return frozen(table)
+                rows[i] = np.diag(1.0 / value)
+        for most in ("torque", "momentum"):
+            limits = np.array([getattr(wheel, most) for wheel in self.wheels])
+            rows.append(self.wheel_distribution / limits[:, None])
+        first = np.cumsum([0, *(len(each) for each in rows)], dtype=np.int64)
+        first.setflags(write=False)
+        return LimitTable(frozen(norms), frozen(np.concatenate(rows)), first)
 
-    def used(self, v: ArrayLike, a: ArrayLike) -> dict[str, float]:
-        """Part of each limit that a motion uses at its worst; above 1 the limit is broken.
+    def parts(
+        self, v: ArrayLike, a: ArrayLike, j: ArrayLike | None = None, h: ArrayLike = (0, 0, 0)
+    ) -> Array:
+        """Part of each limit that a motion uses at its worst, by row of a table; NaN without one.
 
         Parameters
         ----------
-        v, a : (..., 3)
-            Body rates [rad/s] and accelerations [rad/s^2].
+        v, a, j : (..., 3)
+            Body rates [rad/s], accelerations [rad/s^2] and their derivatives [rad/s^3]; without
+            the last, parts of limits on it are NaN.
+        h : (..., 3)
+            Total angular momentum in body axes [N m s].
         """
         J = self.inertia_matrix
-        v, a = np.asarray(v, dtype=float), np.asarray(a, dtype=float)
-        momentum = v @ J
-        values = (v, a, a @ J + np.cross(v, momentum), momentum)
-        parts = {}
-        for key, value, row in zip(QUANTITIES, values, self.reciprocals, strict=True):
-            if getattr(self, key) is not None:
-                norms = row[0] * np.linalg.norm(value, axis=-1)
-                axes = np.max(row[1:] * np.abs(value), axis=-1)
-                parts[key] = float(np.max(np.maximum(norms, axes)))
+        v, a, h = (np.asarray(x, dtype=float) for x in (v, a, h))
+        stored = v @ J
+        values = [v, a, a @ J + np.cross(v, stored), stored]
+        if j is None:
+            values += [np.full(3, np.nan)] * 2
+        else:
+            j = np.asarray(j, dtype=float)
+            values += [j, j @ J + np.cross(a, stored) + np.cross(v, a @ J)]
+        values += [a @ J + np.cross(v, h), h - stored]
+        norms, rows, first = self.table
+        parts = np.full(len(KEYS), np.nan)
+        for i, value in enumerate(values):
+            if norms[i] > 0.0:
+                parts[i] = np.max(norms[i] * np.linalg.norm(value, axis=-1))
+            elif first[i + 1] > first[i]:
+                parts[i] = np.max(np.abs(value @ rows[first[i] : first[i + 1]].T))
         return parts
+
+    def used(
+        self, v: ArrayLike, a: ArrayLike, j: ArrayLike | None = None, h: ArrayLike = (0, 0, 0)
+    ) -> dict[str, float]:
+        """As `parts`, by the key of each limit that there is; above 1 the limit is broken."""
+        return by_key(self.parts(v, a, j, h))
+
+
+def by_key(parts: Array) -> dict[str, float]:
+    """Parts (8,) of the rows of a table by the key of the limit; of wheels the greatest."""
+    used: dict[str, float] = {}
+    for key, part in zip(KEYS, parts.tolist(), strict=True):
+        if part == part:
+            used[key] = max(part, used.get(key, part))
+    return used
+
+
+def _checked_wheels(value: Any) -> tuple[Wheel, ...]:
+    try:
+        wheels = tuple(value)
+    except TypeError:
+        wheels = (value,)
+    for i, wheel in enumerate(wheels):
+        if not isinstance(wheel, Wheel):
+            raise InvalidProblemError(f"limits.wheels[{i}]", f"expected a Wheel, got {wheel!r}")
+    if not wheels:
+        return wheels
+    spread = np.linalg.svd(np.array([wheel.axis for wheel in wheels]), compute_uv=False)
+    if len(wheels) < 3 or spread[2] < _LEAST_SPREAD * spread[0]:
+        raise InvalidProblemError(
+            "limits.wheels",
+            f"expected at least three wheels whose axes span space, got {len(wheels)}"
+            + (" with axes in one plane; tilt one" if len(wheels) >= 3 else "; add the others"),
+        )
+    return wheels
 
 
 def _bound(key: str, value: Any) -> float | Array:

@@ -155,6 +155,9 @@ class Problem:
         What results call the problem.
     limits
         What the spacecraft can do; a trajectory is certified only within them.
+    total_momentum : (3,)
+        Angular momentum of body and wheels together, in the reference frame [N m s]; only the
+        limits of wheels depend on it.
 
     Attributes
     ----------
@@ -177,6 +180,7 @@ class Problem:
     boresight: Array = field(default_factory=lambda: np.array([1.0, 0.0, 0.0]))
     name: str = ""
     limits: Limits | None = None
+    total_momentum: Array = field(default_factory=lambda: np.zeros(3))
     forbidden: Forbidden = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -187,6 +191,12 @@ class Problem:
         if not isinstance(self.limits, Limits | None):
             raise InvalidProblemError("limits", f"expected Limits, got {self.limits!r}")
         set_field(self, "duration", self._checked_duration())
+        momentum = finite_array("total_momentum", self.total_momentum, (3,))
+        if np.any(momentum) and (self.limits is None or not self.limits.wheels):
+            raise InvalidProblemError(
+                "total_momentum", "only limits of wheels depend on it: give limits.wheels"
+            )
+        set_field(self, "total_momentum", momentum)
         if self.tension is not None and self.normalized_tension is not None:
             raise InvalidProblemError(
                 "tension", "expected at most one of tension, normalized_tension, got both"

@@ -14,6 +14,7 @@ from riem_planner import (
     Solution,
     State,
     Status,
+    Wheel,
     Zone,
     solve,
 )
@@ -37,6 +38,12 @@ def about_z(angle):
         (Limits(torque=0.03, inertia=PRINCIPAL), "torque", lambda x: math.sqrt(24.0 * x / 0.03)),
         (Limits(momentum=0.3, inertia=PRINCIPAL), "momentum", lambda x: 6.0 * x / 0.3),
         (Limits(momentum=[1e-3, 1e-3, 0.3], inertia=PRINCIPAL), "momentum", lambda x: 6 * x / 0.3),
+        (Limits(jerk=0.01), "jerk", lambda x: (12.0 * x / 0.01) ** (1 / 3)),
+        (
+            Limits(wheels=[Wheel(axis, 0.03, 9.0) for axis in np.eye(3)], inertia=PRINCIPAL),
+            "wheels",
+            lambda x: math.sqrt(24.0 * x / 0.03),
+        ),
     ],
 )
 def test_about_a_principal_axis_it_is_that_of_the_cubic(angle, limits, binding, exact):

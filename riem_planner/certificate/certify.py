@@ -118,7 +118,9 @@ def certify(
         problem.space == S2,
     ).tolist()
     cleared = certify_clearance(trajectory, problem.forbidden)
-    within = certify_limits(trajectory, problem.limits if limits is None else limits)
+    within = certify_limits(
+        trajectory, problem.limits if limits is None else limits, problem.total_momentum
+    )
     reasons = _refusals(figures, trajectory, problem) + cleared.reasons
     return Certificate(
         certified=not reasons and not within.reasons,

@@ -166,6 +166,65 @@ def motion(xi, xi_1, xi_2):
 
 
 @inlined
+def _curvatures(z):
+    """A, B of `motion` as functions of `z = |xi|^2`, and their two derivatives by z."""
+    if z < 0.25:
+        A = B = A_1 = B_1 = A_2 = B_2 = 0.0
+        term = 1.0  # (-1)^k / (2 k + 1)!
+        powers = (1.0, 0.0, 0.0)  # z^k and its derivatives
+        for k in range(10):
+            a, b = term / (2 * k + 2), term / ((2 * k + 2) * (2 * k + 3))
+            A, A_1, A_2 = A + a * powers[0], A_1 + a * powers[1], A_2 + a * powers[2]
+            B, B_1, B_2 = B + b * powers[0], B_1 + b * powers[1], B_2 + b * powers[2]
+            powers = (z * powers[0], (k + 1) * powers[0], (k + 1) * powers[1])
+            term = -b
+        return A, B, A_1, B_1, A_2, B_2
+    x = np.sqrt(z)
+    A, B = (1 - np.cos(x)) / z, (x - np.sin(x)) / (x * z)
+    A_1, B_1 = (1 - z * B - 2 * A) / (2 * z), (A - 3 * B) / (2 * z)
+    return A, B, A_1, B_1, -(B + z * B_1 + 4 * A_1) / (2 * z), (A_1 - 5 * B_1) / (2 * z)
+
+
+@inlined
+def jerk(xi, xi_1, xi_2, xi_3):
+    """Second derivative of the body rate of `exp(hat(xi))`; see `motion`."""
+    z = xi[0] ** 2 + xi[1] ** 2 + xi[2] ** 2
+    z_1 = 2 * (xi[0] * xi_1[0] + xi[1] * xi_1[1] + xi[2] * xi_1[2])
+    z_2 = 2 * (xi_1[0] ** 2 + xi_1[1] ** 2 + xi_1[2] ** 2)
+    z_2 += 2 * (xi[0] * xi_2[0] + xi[1] * xi_2[1] + xi[2] * xi_2[2])
+    A, B, A_z, B_z, A_zz, B_zz = _curvatures(z)
+    A_1, A_2 = A_z * z_1, A_zz * z_1 * z_1 + A_z * z_2
+    B_1, B_2 = B_z * z_1, B_zz * z_1 * z_1 + B_z * z_2
+    c, c_1 = cross(xi, xi_1), cross(xi, xi_2)
+    c_2 = _sum(cross(xi_1, xi_2), cross(xi, xi_3))
+    d, d_1 = cross(xi, c), _sum(cross(xi_1, c), cross(xi, c_1))
+    e, f = cross(xi_1, c_1), _sum(cross(xi_2, c), cross(xi, c_2))
+    return (
+        xi_3[0] - A * c_2[0] - 2 * A_1 * c_1[0] - A_2 * c[0]
+        + B * (2 * e[0] + f[0]) + 2 * B_1 * d_1[0] + B_2 * d[0],
+        xi_3[1] - A * c_2[1] - 2 * A_1 * c_1[1] - A_2 * c[1]
+        + B * (2 * e[1] + f[1]) + 2 * B_1 * d_1[1] + B_2 * d[1],
+        xi_3[2] - A * c_2[2] - 2 * A_1 * c_1[2] - A_2 * c[2]
+        + B * (2 * e[2] + f[2]) + 2 * B_1 * d_1[2] + B_2 * d[2],
+    )  # fmt: skip
+
+
+@inlined
+def _sum(a, b):
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@inlined
+def third_derivative(c, k, s):
+    """Third derivative of xi at time s after sample k."""
+    return (
+        6 * c[k, 3, 0] + s * (24 * c[k, 4, 0] + s * 60 * c[k, 5, 0]),
+        6 * c[k, 3, 1] + s * (24 * c[k, 4, 1] + s * 60 * c[k, 5, 1]),
+        6 * c[k, 3, 2] + s * (24 * c[k, 4, 2] + s * 60 * c[k, 5, 2]),
+    )
+
+
+@inlined
 def norm(x):
     """Length of a vector."""
     return np.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])

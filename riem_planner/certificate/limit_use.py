@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from riem_planner.certificate.limit_bounds import bound_limits
-from riem_planner.limits import QUANTITIES, UNITS, Limits
+from riem_planner.limits import KEYS, POWERS, QUANTITIES, UNITS, WHEEL_TORQUE, WHEELS, Limits
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from riem_planner.trajectory import Trajectory
+
+_AT_REST = np.zeros(3)
 
 
 @dataclass(frozen=True)
@@ -19,42 +26,74 @@ class LimitUse:
     Parameters
     ----------
     parts
-        Upper bound of the part used at the worst, per limited quantity; above 1 it is broken.
+        Upper bound of the part used at the worst, per limit's key; above 1 it is broken.
     worst
-        Time [s] of the greatest part found, per limited quantity.
+        Time [s] of the greatest part found, per limit's key.
     reasons
         Which limits are broken, by how much and when; empty when none is.
+    stretch
+        How many times slower the same path would keep the limits, where the total angular
+        momentum is zero; 0 without limits.
+    binding
+        Key of the limit that says so.
     """
 
     parts: dict[str, float] = field(default_factory=dict)
     worst: dict[str, float] = field(default_factory=dict)
     reasons: tuple[str, ...] = ()
+    stretch: float = 0.0
+    binding: str = ""
 
 
-def certify_limits(trajectory: Trajectory, limits: Limits | None) -> LimitUse:
-    """Bound the part of each limit that a trajectory uses; none without limits."""
+def certify_limits(
+    trajectory: Trajectory,
+    limits: Limits | None,
+    total_momentum: NDArray[np.float64] = _AT_REST,
+) -> LimitUse:
+    """Bound the part of each limit that a trajectory uses; none without limits.
+
+    Parameters
+    ----------
+    trajectory
+        What is judged.
+    limits
+        What it is to keep.
+    total_momentum : (3,)
+        Of body and wheels, in the reference frame [N m s]; only wheels' limits depend on it.
+    """
     if limits is None:
         return LimitUse()
     result = bound_limits(
         trajectory.times,
-        trajectory.coefficients,
-        limits.inertia_matrix,
-        limits.largest_moment,
-        limits.reciprocals,
+        (trajectory.quaternions_xyzw, trajectory.coefficients),
+        (limits.inertia_matrix, limits.largest_moment, total_momentum),
+        tuple(limits.table),
     ).tolist()
-    use = LimitUse()
+    parts: dict[str, float] = {}
+    worst: dict[str, float] = {}
     reasons = []
-    for key, unit, (part, _, time) in zip(QUANTITIES, UNITS, result, strict=True):
-        limit = getattr(limits, key)
-        if limit is None:
+    stretch, binding = 0.0, ""
+    for row, (part, _, time) in enumerate(result):
+        key = KEYS[row]
+        if key not in limits.keys:
             continue
-        use.parts[key], use.worst[key] = part, time
+        factor = part ** (1.0 / POWERS[row])
+        if not factor <= stretch:
+            stretch, binding = factor, key
+        if not part <= parts.get(key, -math.inf):
+            parts[key], worst[key] = part, time
         if not part <= 1.0:
-            if isinstance(limit, float):
-                stated = f"{limit:.6g} {unit}"
-            else:
-                stated = f"[{', '.join(f'{each:.6g}' for each in limit)}] {unit} per axis"
             reasons.append(
-                f"limits.{key}: {part:.4g} times the limit of {stated} at t = {time:.6g} s"
+                f"limits.{key}: {part:.4g} times the limit of {_stated(limits, row)} at"
+                f" t = {time:.6g} s"
             )
-    return LimitUse(use.parts, use.worst, tuple(reasons))
+    return LimitUse(parts, worst, tuple(reasons), stretch, binding)
+
+
+def _stated(limits: Limits, row: int) -> str:
+    if KEYS[row] == WHEELS:
+        return f"a wheel's {'torque' if row == WHEEL_TORQUE else 'momentum'}"
+    limit: Any = getattr(limits, QUANTITIES[row])
+    if isinstance(limit, float):
+        return f"{limit:.6g} {UNITS[row]}"
+    return f"[{', '.join(f'{each:.6g}' for each in limit)}] {UNITS[row]} per axis"

@@ -9,7 +9,6 @@ import numpy as np
 
 from riem_planner.duration.search import (
     MARGIN,
-    POWERS,
     TOLERANCE,
     LeastDuration,
     Solve,
@@ -17,7 +16,7 @@ from riem_planner.duration.search import (
     searched,
 )
 from riem_planner.geometry import so3
-from riem_planner.limits import Limits
+from riem_planner.limits import KEYS, MOMENTUM, POWERS, RATE, WHEEL_MOMENTUM, Limits
 from riem_planner.problem import S2, Problem
 from riem_planner.solution import Solution, Status
 from riem_planner.solver.watch import InterruptedSolveError
@@ -125,14 +124,15 @@ def _broken_at_ends(problem: Problem, limits: Limits) -> Solution | None:
         # The roll at the arrival is free, and with it the axes that the rate is about.
         rolls = np.linspace(0.0, 2.0 * math.pi, _ROLLS, endpoint=False)
         goals = goals[0] @ so3.exp(rolls[:, None] * np.asarray(problem.boresight))
-    for key, rates in (("start", starts), ("goal", goals)):
-        used = [limits.used(rate, np.zeros(3)) for rate in rates]
-        for name in ("rate", "momentum"):
-            least = min(each.get(name, 0.0) for each in used)
+    for key, state, rates in (("start", problem.start, starts), ("goal", problem.goal, goals)):
+        h = state.orientation.T @ problem.total_momentum
+        parts = np.array([limits.parts(rate, np.zeros(3), h=h) for rate in rates])
+        for row in (RATE, MOMENTUM, WHEEL_MOMENTUM):
+            least = float(np.min(parts[:, row]))
             if least > 1.0:
                 return Solution(
                     Status.LIMITS_EXCEEDED,
-                    f"{key}.angular_velocity: {least:.4g} times limits.{name}; no duration"
+                    f"{key}.angular_velocity: {least:.4g} times limits.{KEYS[row]}; no duration"
                     f" helps, lower the rate at the {key} or raise the limit",
                 )
     return None
@@ -144,6 +144,7 @@ def _scales(problem: Problem) -> bool:
         not np.any(problem.start.angular_velocity)
         and not np.any(problem.goal.angular_velocity)
         and not problem.tension
+        and not np.any(problem.total_momentum)
         and not problem.forbidden.moving
         and all(obstacle.normalized_strength is not None for obstacle in problem.obstacles)
     )
@@ -159,14 +160,16 @@ def _estimate(problem: Problem, limits: Limits) -> float:
     else:
         turn = so3.log(R_0.T @ R_1)
     still = np.zeros(3)
-    needed = [
-        part ** (1.0 / POWERS[key])
-        for v, a in ((1.5 * turn, still), (still, 6.0 * turn))
-        for key, part in limits.used(v, a).items()
-        if (POWERS[key] == 2.0) == bool(np.any(a))
-    ]
-    # A change of rate alone takes time as well.
-    needed += [part for key, part in limits.used(still, v_1 - v_0).items() if POWERS[key] == 2.0]
+    needed = [0.0]
+    for power, motion in (
+        (1.0, (1.5 * turn, still, still)),
+        (2.0, (still, 6.0 * turn, still)),
+        (3.0, (still, still, 12.0 * turn)),
+        (2.0, (still, v_1 - v_0, still)),  # a change of rate alone takes time as well
+    ):
+        parts = limits.parts(*motion).tolist()
+        of_power = [part for part, of in zip(parts, POWERS, strict=True) if of == power]
+        needed += [part ** (1.0 / power) for part in of_power if part > 0.0]
     if max(needed) == 0.0 and np.any(v_0):
         return 2.0 * math.pi / float(np.linalg.norm(v_0))  # all the way round
     return float(max(needed))
@@ -177,7 +180,7 @@ def _scaled(free: Problem, limits: Limits, solve: Solve, estimate: float) -> Lea
     solution = solve(replace(free, duration=estimate), None)
     if solution.trajectory is None:
         return LeastDuration(math.inf, failure=solution)
-    factor, binding, trajectory = quickest(solution, limits)
+    factor, binding, trajectory = quickest(solution, limits, free)
     if estimate * factor < _LEAST_ESTIMATE:
         return _stays(free)
     return LeastDuration(estimate * factor * (1.0 + MARGIN), binding, trajectory)

@@ -20,9 +20,6 @@ from riem_planner.trajectory import Trajectory
 TOLERANCE = 0.004
 """Relative error of the least duration where it has to be searched for."""
 
-POWERS = {"rate": 1.0, "acceleration": 2.0, "torque": 2.0, "momentum": 1.0}
-"""Of 1/T, with which a quantity goes along the same path."""
-
 MARGIN = 3e-4
 """Relative; the bounds of limits are tight to 1e-4 of their values."""
 
@@ -72,17 +69,12 @@ def _candidates(solution: Solution) -> list[Trajectory]:
     return [solution.trajectory, *(other.trajectory for other in solution.alternatives)]
 
 
-def _stretch(trajectory: Trajectory, limits: Limits) -> tuple[float, str]:
-    """How many times slower a trajectory would keep the limits, and which limit says so."""
-    parts = certify_limits(trajectory, limits).parts
-    factors = {key: part ** (1.0 / POWERS[key]) for key, part in parts.items()}
-    binding = max(factors, key=lambda key: factors[key])
-    return factors[binding], binding
-
-
-def quickest(solution: Solution, limits: Limits) -> tuple[float, str, Trajectory]:
+def quickest(solution: Solution, limits: Limits, free: Problem) -> tuple[float, str, Trajectory]:
     """The trajectory that has to be stretched least, with its factor and binding limit."""
-    stretched = [(*_stretch(each, limits), each) for each in _candidates(solution)]
+    stretched = []
+    for each in _candidates(solution):
+        use = certify_limits(each, limits, free.total_momentum)
+        stretched.append((use.stretch, use.binding, each))
     return min(stretched, key=lambda item: item[0])
 
 
@@ -123,7 +115,7 @@ class _Trials:
         return self._add(T, self.solve(timed, kept.trajectory, local=True))
 
     def _add(self, T: float, solution: Solution) -> _Trial:
-        quick = () if solution.trajectory is None else quickest(solution, self.limits)
+        quick = () if solution.trajectory is None else quickest(solution, self.limits, self.free)
         self.made.append(_Trial(T, solution, *quick))
         return self.made[-1]
 

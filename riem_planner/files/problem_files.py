@@ -19,14 +19,14 @@ from riem_planner.files.attitudes import ATTITUDE_KEYS, read_attitude
 from riem_planner.files.documents import decoded, parse_json, parse_yaml
 from riem_planner.files.section import Section, joined, number_at, shown, within
 from riem_planner.geometry import so3
-from riem_planner.limits import QUANTITIES, UNITS, Limits, checked_inertia
+from riem_planner.limits import QUANTITIES, UNITS, WHEELS, Limits, Wheel, checked_inertia
 from riem_planner.obstacles import Obstacle, OrientationObstacle, Zone
 from riem_planner.problem import AUTO, S2, SO3, Problem, Space, State, horizontal_rate
 
 _SPACES = {space.name: space for space in (SO3, S2)}
 _TOP = (
     "name", "space", "boresight", "duration", "tension", "normalized_tension", "start", "goal",
-    "obstacles", "limits", "inertia",
+    "obstacles", "limits", "inertia", "total_momentum",
 )  # fmt: skip
 _COMMON = ("name", "kind", "strength", "normalized_strength", "rate")
 _OBSTACLE_KEYS = {
@@ -78,6 +78,7 @@ def parse_problem(document: Any) -> Problem:
         boresight=boresight,
         name=name,
         limits=limits,
+        total_momentum=top.numbers("total_momentum", 3, [0.0, 0.0, 0.0]),
     )
     _check_end_states(problem, top)
     return problem
@@ -107,13 +108,34 @@ def _limits(top: Section) -> Limits | None:
     values = top.value("limits")
     if isinstance(values, dict) and "inertia" in values:
         raise InvalidProblemError("limits.inertia", "move it out: inertia stands beside limits")
-    section = Section("limits", values, QUANTITIES)
+    section = Section("limits", values, (*QUANTITIES, WHEELS))
     bounds = {
         name: _bound(section, name, unit)
         for name, unit in zip(QUANTITIES, UNITS, strict=True)
         if name in section
     }
-    return Limits(**bounds, inertia=inertia)
+    return Limits(**bounds, inertia=inertia, wheels=_wheels(section))
+
+
+def _wheels(section: Section) -> tuple[Wheel, ...]:
+    entries = section.value(WHEELS, [])
+    key = section.key(WHEELS)
+    expected = "a list of wheels, each with an axis, a torque [N m] and a momentum [N m s]"
+    if not isinstance(entries, list) or (WHEELS in section and not entries):
+        raise InvalidProblemError(key, f"expected {expected}, got {shown(entries)}")
+    wheels = []
+    for i, entry in enumerate(entries):
+        wheel = Section(f"{key}[{i}]", entry, ("axis", "torque", "momentum"))
+        most = {
+            name: _positive(
+                wheel.key(name),
+                wheel.value(name, expected=f"a number above 0 [{unit}]"),
+                f"a number above 0 [{unit}]",
+            )
+            for name, unit in (("torque", "N m"), ("momentum", "N m s"))
+        }
+        wheels.append(Wheel(_direction(wheel, "axis"), **most))
+    return tuple(wheels)
 
 
 def _bound(section: Section, name: str, unit: str) -> float | list[float]:

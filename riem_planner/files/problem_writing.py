@@ -30,6 +30,8 @@ def problem_document(problem: Problem) -> dict[str, Any]:
     document["obstacles"] = [_obstacle_document(obstacle) for obstacle in problem.obstacles]
     if problem.limits is not None:
         document.update(_limits_document(problem.limits))
+    if np.any(problem.total_momentum):
+        document["total_momentum"] = problem.total_momentum.tolist()
     return document
 
 
@@ -38,6 +40,11 @@ def _limits_document(limits: Limits) -> dict[str, Any]:
     document: dict[str, Any] = {
         "limits": {k: np.asarray(v).tolist() for k, v in bounds.items() if v is not None}
     }
+    if limits.wheels:
+        document["limits"]["wheels"] = [
+            {"axis": np.asarray(w.axis).tolist(), "torque": w.torque, "momentum": w.momentum}
+            for w in limits.wheels
+        ]
     if limits.inertia is not None:
         document["inertia"] = np.asarray(limits.inertia).ravel().tolist()
     return document

@@ -132,6 +132,22 @@ def test_s2_state_may_be_given_by_an_orientation():
     )
 
 
+def test_wheels_and_jerk_are_read_and_written():
+    wheels = [
+        {"axis": axis, "torque": 0.005, "momentum": 0.12}
+        for axis in ([2, 0, 0], [0, 1, 0], [0, 0, 1], [0, 1, 1])
+    ]
+    limits = {"jerk": 5e-4, "torque_rate": [1e-3, 2e-3, 3e-3], "wheels": wheels}
+    document = changed(SO3_DOCUMENT, ["limits"], limits)
+    problem = parse_problem(changed(document, ["total_momentum"], [0.1, 0.2, 0.3]))
+    assert problem.limits.keys == ("jerk", "torque_rate", "wheels")
+    np.testing.assert_array_equal(problem.limits.wheels[0].axis, [1.0, 0.0, 0.0])
+    again = parse_problem(json.loads(json.dumps(problem_document(problem))))
+    for one, other in zip(problem.limits.table, again.limits.table, strict=True):
+        np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(again.total_momentum, [0.1, 0.2, 0.3])
+
+
 def test_duration_auto_asks_for_the_least_within_limits():
     problem = parse_problem(changed(SO3_DOCUMENT, ["duration"], "auto"))
     assert problem.has_auto_duration
@@ -182,7 +198,8 @@ def test_round_trip_keeps_the_problem(document):
     assert one == pytest.approx(other, abs=1e-14)
     assert (first.limits is None) == (second.limits is None)
     if first.limits is not None:
-        np.testing.assert_array_equal(first.limits.reciprocals, second.limits.reciprocals)
+        for one, other in zip(first.limits.table, second.limits.table, strict=True):
+            np.testing.assert_array_equal(one, other)
         np.testing.assert_array_equal(first.limits.inertia, second.limits.inertia)
 
 
@@ -287,6 +304,20 @@ WRONG = {
     ),
     "NaN on one axis": (["limits", "torque"], [0.1, 0.2, math.nan], "limits.torque[2]", ["nan"]),
     "infinite limit": (["limits", "rate"], math.inf, "limits.rate", ["rad/s", "inf"]),
+    "negative jerk": (["limits", "jerk"], -1.0, "limits.jerk", ["-1.0", "rad/s^3"]),
+    "wheels no list": (["limits", "wheels"], 4, "limits.wheels", ["a list of wheels", "4"]),
+    "wheel without a torque": (
+        ["limits", "wheels"], [{"axis": [1, 0, 0], "momentum": 1}], "limits.wheels[0].torque",
+        ["missing", "N m"],
+    ),
+    "two wheels": (
+        ["limits", "wheels"],
+        [{"axis": axis, "torque": 1, "momentum": 1} for axis in ([1, 0, 0], [0, 1, 0])],
+        "limits.wheels", ["at least three", "got 2"],
+    ),
+    "total momentum without wheels": (
+        ["total_momentum"], [0, 0, 1], "total_momentum", ["limits.wheels"],
+    ),
     "limits no mapping": (["limits"], 0.1, "limits", ["mapping", "rate", "0.1"]),
     "limits of nothing": (["limits"], {}, "limits", ["at least one of rate", "none"]),
     "duration beyond numbers": (["duration"], 1e200, "duration", ["1e+12 s", "1e+200"]),
