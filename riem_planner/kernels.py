@@ -29,7 +29,10 @@ _COMPILED_ROOMS = (
     "certificate/*.py", "least_time/*.py",
 )  # fmt: skip
 # Of these, the files that define kernels, and those that only hold constants for them.
-_IMPORT, _CONSTANTS = b"from riem_planner.kernels import", ("kernels.py", "table.py", "dop853.py")
+_IMPORT, _CONSTANTS = (
+    b"from riem_planner.kernels import",
+    ("kernels.py", "limits.py", "table.py", "dop853.py"),
+)
 
 _MESSAGE_AFTER = 1.5  # s; loading from the cache takes less
 
