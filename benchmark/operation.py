@@ -129,9 +129,9 @@ def stream(seconds: float, rounds: int) -> Table:
 def _planner(**values: Any) -> Iterator[Any]:
     """An active planner node, spun in a thread of this process."""
     from rclpy.context import Context
+    from rclpy.executors import SingleThreadedExecutor
     from rclpy.parameter import Parameter
 
-    from riem_planner.node.executor import NodeExecutor
     from riem_planner.node.main import SWITCH_INTERVAL
     from riem_planner.node.planner_node import PlannerNode
 
@@ -140,7 +140,7 @@ def _planner(**values: Any) -> Iterator[Any]:
     context.init()
     overrides = [Parameter(name, value=value) for name, value in values.items()]
     node = PlannerNode(context=context, parameter_overrides=overrides)
-    executor = NodeExecutor(node.fault, context=context)
+    executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     thread = threading.Thread(target=executor.spin, daemon=True)
     thread.start()

@@ -6,12 +6,24 @@ from collections.abc import Mapping, Sequence
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from msg_adapters.geometry import header
+from msg_adapters.geometry import SECOND, header
 
 OK = DiagnosticStatus.OK
 WARN = DiagnosticStatus.WARN
 ERROR = DiagnosticStatus.ERROR
 STALE = DiagnosticStatus.STALE
+
+
+def stamp_text(nanoseconds: int) -> str:
+    """A time as ~/status tells it: seconds, a point, nine digits."""
+    seconds, rest = divmod(nanoseconds, SECOND)
+    return f"{seconds}.{rest:09d}"
+
+
+def stamp_from_text(text: str) -> int:
+    """The nanoseconds of `stamp_text`."""
+    seconds, _, rest = text.partition(".")
+    return int(seconds) * SECOND + int(rest)
 
 
 def text_of(value: object) -> str:

@@ -63,7 +63,7 @@ def flattened(tree: dict[str, Any], prefix: str = "") -> dict[str, Any]:
 def settings_of(path: Path) -> Settings:
     """Settings that the node takes from a parameter file."""
     tree = yaml.safe_load(path.read_text(encoding="utf-8"))
-    given = flattened(tree["/riem_planner"]["ros__parameters"])
+    given = flattened(tree["/**"]["ros__parameters"])
     return settings_from_values({**default_values(tuple(given.get("zone_names", []))), **given})
 
 

@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from riem_planner.mission.planning import Request
+from riem_planner.mission.codes import Code, Level
+from riem_planner.mission.planning import Goal, Request
 from riem_planner.mission.timeline import Segment
 from riem_planner.problem import Problem
 from riem_planner.solution import Solution
 
 Array = NDArray[np.float64]
-
-
-class Level(Enum):
-    """How bad it is."""
-
-    OK = "ok"
-    WARN = "warn"
-    ERROR = "error"
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,25 +38,46 @@ class Proposal:
     fresh: bool
 
 
-class Event(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Event:
     """Something that users are told on ~/status.
 
-    Attributes
+    Parameters
     ----------
-    level, code, message
-        How bad it is, what it is in one word, and a sentence with numbers and advice.
+    code, message
+        What it is in one word, and a sentence with numbers and advice.
+    level
+        How bad it is; None for what the code usually is.
+    goal
+        Whose outcome it is, if one goal's.
+    start_ns, arrival_ns
+        When what is flown or shown to that goal begins and arrives [ns].
+    reason
+        Why the goal was refused.
     solution, problem
         What came of a solve, where one has ended.
     proposal
         A plan to show.
+    topic
+        Where the message came from that was refused, if it is not a goal's.
     """
 
-    level: Level
-    code: str
+    code: Code
     message: str
+    level: Level | None = None
+    goal: Goal | None = None
+    start_ns: int | None = None
+    arrival_ns: int | None = None
+    reason: str = ""
     solution: Solution | None = None
     problem: Problem | None = None
     proposal: Proposal | None = None
+    topic: str = ""
+
+    @property
+    def severity(self) -> Level:
+        """How bad it is."""
+        return self.code.level if self.level is None else self.level
 
 
 class Measurement(NamedTuple):

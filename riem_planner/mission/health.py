@@ -12,15 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riem_planner.geometry import so3
-from riem_planner.mission.events import Level
-from riem_planner.mission.mission import Mission
+from riem_planner.mission.codes import Level
+from riem_planner.mission.mission import NO_CLOCK, Mission
 from riem_planner.mission.safety import Judge
 from riem_planner.mission.timeline import Setpoint
 
 Array = NDArray[np.float64]
 
 WARNING_EVERY = 5.0
-"""Time between two warnings about one input [s]."""
+"""Time between two warnings about one field of one input [s]."""
+MOST_TOLD = 10
+"""Refusals of a topic that are told in a second, one by one."""
 
 
 class Health(NamedTuple):
@@ -33,7 +35,7 @@ class Health(NamedTuple):
 
 
 class Rejections:
-    """Counts bad messages per input, and says when a warning is due.
+    """Counts bad messages per input, and says when a warning is due and what may be told.
 
     Parameters
     ----------
@@ -45,17 +47,37 @@ class Rejections:
         self.counts: dict[str, int] = {}
         self.last: dict[str, str] = {}
         self._clock = clock
-        self._warned: dict[str, float] = {}
+        self._warned: dict[tuple[str, str], float] = {}
+        self._told: dict[str, tuple[float, int]] = {}
 
-    def note(self, topic: str, problem: str) -> str | None:
+    def note(self, topic: str, field: str, problem: str) -> str | None:
         """Count a bad message; the warning to give, or None if one was given just now."""
         self.counts[topic] = self.counts.get(topic, 0) + 1
         self.last[topic] = problem
         now = self._clock()
-        if now - self._warned.get(topic, -math.inf) < WARNING_EVERY:
+        if now - self._warned.get((topic, field), -math.inf) < WARNING_EVERY:
             return None
-        self._warned[topic] = now
+        self._warned[topic, field] = now
         return f"message on {topic} rejected: {problem}; the last good data is kept"
+
+    def admit(self, topic: str) -> bool:
+        """Whether one more refusal of a topic may be told in this second."""
+        begin, count = self._told.get(topic, (self._clock(), 0))
+        if self._clock() - begin >= 1.0 and count <= MOST_TOLD:
+            begin, count = self._clock(), 0
+        self._told[topic] = (begin, count + 1)
+        return count < MOST_TOLD
+
+    def untold(self) -> dict[str, int]:
+        """How many more refusals there were of each topic whose second is over."""
+        over = {
+            topic: count - MOST_TOLD
+            for topic, (begin, count) in self._told.items()
+            if count > MOST_TOLD and self._clock() - begin >= 1.0
+        }
+        for topic in over:
+            del self._told[topic]
+        return over
 
 
 class StreamWatch:
@@ -103,8 +125,10 @@ def planner_health(mission: Mission, now_ns: int) -> Health:
         values["certified"] = verdict.certified
         for name, clearance in verdict.clearance.items():
             values[f"clearance_deg.{name}"] = math.degrees(clearance)
+    if not now_ns:
+        return Health("planner", Level.WARN, NO_CLOCK, values)
     if mission.leaving:
-        return Health("planner", Level.ERROR, "inside a zone: flying the shortest way out", values)
+        return Health("planner", Level.ERROR, "inside a zone: flying the way out", values)
     if mission.timeline and verdict is not None and not verdict.certified:
         return Health("planner", Level.ERROR, "what flies is not certified", values)
     return Health("planner", Level.OK, doing, values)

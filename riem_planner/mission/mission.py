@@ -1,19 +1,22 @@
 """What the node does about goals, changes of the world, and faults.
 
 Everything here is a plain call with a time in integer nanoseconds. What is to be told is left
-in `events`, what is to be planned in `wanted`, what is to be streamed in `timeline`.
+in the ledger, what is to be planned in `wanted`, what is to be streamed in the flight's timeline.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from riem_planner.errors import InvalidProblemError
 from riem_planner.mission import planning, recovery, requests
-from riem_planner.mission.events import Event, Level, Measurement, Proposal
+from riem_planner.mission.codes import Code, code_of
+from riem_planner.mission.events import Event, Measurement, Proposal
+from riem_planner.mission.flight import Flight
+from riem_planner.mission.ledger import Ledger
 from riem_planner.mission.planning import Goal, Reason, Request, Result
 from riem_planner.mission.safety import Judge, Verdict
 from riem_planner.mission.settings import Settings
@@ -36,13 +39,13 @@ PATIENCE = 16.0
 """The most that the planning budget is stretched by, for a solve that takes longer."""
 CONTINUOUS = 1e-9
 """A jump of the rate at a splice that is rounding [rad/s]."""
-AHEAD_NS = (0, 50_000_000, 200_000_000, 800_000_000)
-"""How much later what is safe may begin, on a machine that is too busy to find it at once [ns]."""
-_TOO_BUSY = "the machine is too busy to change what flies; tried again"
+INACTIVE = "inactive"
+"""Why a goal is refused, and a request not carried out, while the node does not plan."""
+NO_CLOCK = "use_sim_time: no time has come on /clock yet"
+"""What is waited for where time is simulated and nobody tells it."""
 _NOT_READY = "the plan was not ready in time"
 
 
-@dataclass
 class Mission:
     """The state of the planner, and what happens to it.
 
@@ -50,95 +53,194 @@ class Mission:
     ----------
     settings
         The parameters.
+    keeps_goals
+        Whether a goal that comes before the first activation is kept and flown then; by default
+        where the node activates itself.
 
     Attributes
     ----------
+    active, ending
+        Whether it plans and streams; whether it only comes to rest, to be deactivated.
     world
         What is known of zones and obstacles.
-    reference
+    flight
         What is streamed.
+    ledger
+        What is told.
     goal
         Where to go; None if there is nowhere.
-    verdict
-        Of the timeline, when it was last judged.
     """
 
-    settings: Settings
-    active: bool = False
-    reference: Reference = field(default_factory=Reference)
-    goal: Goal | None = None
-    shown: Proposal | None = None
-    pending: Request | None = None
-    wanted: Request | None = None
-    measured: Measurement | None = None
-    verdict: Verdict | None = None
-    leaving: bool = False
-    events: list[Event] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        """Begin with an empty world."""
-        self.world = World(self.settings)
+    def __init__(self, settings: Settings, *, keeps_goals: bool | None = None) -> None:
+        self.settings = settings
+        self.active = self.ending = False
+        self.world = World(settings)
+        self.flight = Flight(self.world, settings)
+        self.ledger = Ledger()
+        self.goal: Goal | None = None
+        self.shown: Proposal | None = None
+        self.pending: Request | None = None
+        self.wanted: Request | None = None
+        self.measured: Measurement | None = None
+        self._keeps_goals = settings.autostart if keeps_goals is None else keeps_goals
         self._last_ns: int | None = None
-        self._bound_for: Goal | None = None
-        self._slew: Segment | None = None
-        self._aim: Goal | None = None
         self._planned_version = 0
-        self._retry_ns = 0
-        self._gain_ns = 0
+        self._retry_ns = self._gain_ns = 0
         self._patience = 1.0
         self._overtaken = 0
-        self._told = ""
-        self._judged = (-1, 0)
-        self._rescue_due = self._stop_due = False
+
+    @property
+    def reference(self) -> Reference:
+        """What is streamed."""
+        return self.flight.reference
 
     @property
     def timeline(self) -> Timeline:
         """What is streamed, now and later."""
-        return self.reference.timeline
+        return self.flight.timeline
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """Of the timeline, when it was last judged."""
+        return self.flight.verdict
+
+    @property
+    def leaving(self) -> bool:
+        """Whether it is on the way out of a zone."""
+        return self.flight.leaving
 
     # What comes in ---------------------------------------------------------------------------
 
     def activate(self, now_ns: int) -> None:
         """Begin to plan and to stream; where nothing is streamed yet, from the measured state."""
         self.advance(now_ns)
-        self.active = True
+        self.active, self.ending, self._keeps_goals = True, False, False
+        self.ledger.fresh()
+        if self.goal is not None:
+            self._request(now_ns, Reason.GOAL)
+        elif self.world.missing:
+            self.ledger.tell(Code.WAITING, self._missing(), None)
+
+    def end(self, now_ns: int, within: float | None = None) -> str:
+        """Give up the goal and come to rest, to be deactivated then; says how.
+
+        Parameters
+        ----------
+        now_ns
+            The time [ns].
+        within
+            How long that is to take, if it can be had [s].
+        """
+        self.advance(now_ns)
+        self.ending = True
+        self._withdraw()
+        message = self.flight.stop(now_ns, within) if self.timeline else "nothing was flown"
+        self._give_up(f"cancelled, since the node ends its work: {message}")
+        return message
+
+    def wait_for_clock(self) -> None:
+        """Tell that no time has come yet, where it is simulated."""
+        self.ledger.tell(Code.WAITING, NO_CLOCK, self.goal)
 
     def deactivate(self) -> None:
-        """Forget goal and timeline; call it once the stream has come to rest."""
-        self.active = False
+        """Stream and plan no more; call it once the stream has come to rest."""
+        self.active = self.ending = False
         self._withdraw()
-        self._forget_goal()
-        self.reference.end()
-        self.verdict, self.leaving, self._rescue_due, self._stop_due = None, False, False, False
+        self._give_up("cancelled: the node is deactivated")
+        self.flight.end()
 
-    def _forget_goal(self) -> None:
-        self.goal, self.shown, self._bound_for, self._slew, self._aim = (None,) * 5
+    def _give_up(self, message: str) -> None:
+        self.ledger.end(Code.CANCELLED, message)
+        self.goal, self.shown = None, None
+        self.flight.turn_to_another()
 
     def configure(self, settings: Settings, now_ns: int) -> None:
         """Take new parameters, and judge what flies by them."""
         self.advance(now_ns)
-        self.settings = settings
+        self.settings = self.flight.settings = settings
         self.world.configure(settings)
         self._judge(now_ns)
 
-    def set_goal(self, goal: Goal, now_ns: int) -> bool:
-        """Go there; False if it is the goal already, or if the node is not active."""
+    def set_goal(self, goal: Goal, now_ns: int, *, stamped: bool = True) -> bool:
+        """Go there.
+
+        Parameters
+        ----------
+        goal
+            Where to go.
+        now_ns
+            The time [ns].
+        stamped
+            Whether the goal's stamp is that of its message: an equal goal without one is nothing.
+
+        Returns
+        -------
+        bool
+            Whether it is taken as another goal.
+        """
         self.advance(now_ns)
-        if not self.active:
-            self._tell(Level.WARN, "INACTIVE", "goal ignored: activate the node first")
+        why = self._objection(goal, now_ns)
+        if why:
+            self.ledger.refuse(goal, f"{why}; what was wanted before stays")
             return False
-        if goal.equals(self.goal):
-            return False
-        self.goal, self.shown, self._patience, self._told = goal, None, 1.0, ""
-        self._stop_due = False
+        if self.goal is not None and goal.equals(self.goal):
+            same = not stamped or goal.stamp_ns == self.goal.stamp_ns
+            return not same and self._take_over(goal, now_ns)
+        self.goal, self.shown, self._patience = goal, None, 1.0
+        self.flight.stop_due = False
+        self.flight.turn_to_another()
+        self.ledger.open(goal)
         self._request(now_ns, Reason.GOAL)
         return True
+
+    def _take_over(self, goal: Goal, now_ns: int) -> bool:
+        """The same goal under another stamp: what is planned and flown is for it from now on."""
+        self.goal = goal
+        self.ledger.open(goal)
+        if self.shown is not None:
+            self.ledger.tell_plan(
+                Code.SHOWN, "certified; call ~/execute to fly it", goal, self.shown
+            )
+        elif self.flight.arrived():
+            self._arrive()
+        elif self.flight.bound:
+            self.ledger.tell(Code.FLYING, "what flies goes there", goal, plan=self.flight.slew)
+        elif self.pending is None:
+            self._request(now_ns, Reason.GOAL)
+        return True
+
+    def _objection(self, goal: Goal, now_ns: int) -> str:
+        """Why a goal can't be taken at all; empty if it can."""
+        if self.ending or not (self.active or self._keeps_goals):
+            return INACTIVE
+        if not self.active or self.world.missing or not now_ns:
+            return ""  # to be looked at when it can be planned to
+        limits = self.settings.limits
+        if limits is not None:
+            for key, used in limits.used(goal.rate, np.zeros(3)).items():
+                if used > 1.0 + 1e-9:
+                    return f"its rate uses {used:.3g} times limits.{key}"
+        ahead = self.settings.planning_budget + self.settings.duration
+        arrival_ns = now_ns + round(1e9 * ahead)
+        rest = np.zeros(3)
+        here = Setpoint(now_ns, goal.quaternion, rest, rest)
+        try:
+            planning.build_problem(self.settings, self.world, here, goal, self.settings.duration)
+        except InvalidProblemError as error:
+            return str(error)
+        inside = Judge(self.world, self.settings, now_ns).inside(here._replace(stamp_ns=arrival_ns))
+        if inside:
+            return f"it is inside {', '.join(inside)}; {Status.GOAL_IN_ZONE.advice}"
+        return ""
 
     def see_zone(self, name: str, direction: Array, stamp_ns: int, now_ns: int) -> None:
         """Take in where a zone is (3,), and judge what flies by it."""
         self.advance(now_ns)
+        waited = self.world.missing
         if self.world.update_zone(name, direction, stamp_ns):
             self._judge(now_ns)
+        if waited and not self.world.missing and self.goal is not None and self.active:
+            self._request(now_ns, Reason.RETRY)
 
     def see_obstacles(self, quaternions: Array, now_ns: int) -> None:
         """Take in the whole set of orientation obstacles (n, 4), and judge what flies by it."""
@@ -157,30 +259,36 @@ class Mission:
     def replan(self, now_ns: int) -> tuple[bool, str]:
         """Plan to the goal anew."""
         self.advance(now_ns)
-        if not self.active:
+        if self.ending or not self.active:
             return False, "the node is not active"
         if self.goal is None:
             return False, "there is no goal; send one to ~/goal"
-        self._told = ""
+        self.ledger.fresh()
         self._request(now_ns, Reason.REQUEST)
         return True, "planning; the outcome comes on ~/status"
 
     def cancel(self, now_ns: int) -> tuple[bool, str]:
         """Give up the goal, come to rest along a certified stop, and hold."""
         self.advance(now_ns)
+        if self.ending or not self.active:
+            kept = self.goal is not None
+            self._give_up("cancelled before it was planned to")
+            return kept, "the goal that was kept is given up" if kept else "the node is not active"
         self._withdraw()
-        self._forget_goal()
         if not self.timeline:
+            self._give_up("cancelled; nothing was flown")
             return True, "cancelled; nothing was flown"
-        message = "cancelled: " + self._stop(now_ns)
-        self._tell(Level.OK, "CANCELLED", message)
+        message = "cancelled: " + self.flight.stop(now_ns)
+        self._give_up(message)
         return True, message
 
     def execute(self, now_ns: int) -> tuple[bool, str]:
         """Fly the plan that is shown, if it is certified at this moment."""
         self.advance(now_ns)
         proposal = self.shown
-        if not self.active or proposal is None:
+        if self.ending or not self.active:
+            return False, "the node is not active"
+        if proposal is None:
             return False, "no plan is shown"
         begin = now_ns + recovery.lead_ns(self.settings)
         fresh = proposal.fresh and not self.timeline
@@ -198,16 +306,20 @@ class Mission:
         return False, "no longer certified: " + "; ".join(verdict.reasons)
 
     def tick(self, now_ns: int) -> None:
-        """Look after what changes with time: zones that move and grow, goals not reached yet."""
+        """Look after what changes with time: arrivals, zones that move, goals not reached yet."""
         self.advance(now_ns)
-        again = self._rescue_due or (self.world.moving and now_ns - self._judged[1] >= 100_000_000)
-        if self._stop_due:
-            self._stop(now_ns)
-        elif self.timeline and again:
+        if self.ledger.unfinished is not None and self.flight.arrived():
+            self._arrive()
+        if self.flight.stop_due:
+            self.flight.stop(now_ns)
+        elif self.timeline and self.flight.is_due(now_ns):
             self._judge(now_ns)
-        waiting = self.goal is not None and self._bound_for is not self.goal
+        waiting = self.goal is not None and not self.flight.bound
         if waiting and self.pending is None and self.shown is None and now_ns >= self._retry_ns:
             self._retry(now_ns)
+
+    def _arrive(self) -> None:
+        self.ledger.end(Code.ARRIVED, "arrived", plan=self.flight.slew)
 
     def advance(self, now_ns: int) -> None:
         """Note the time. A jump of the clock moves the whole timeline along with it."""
@@ -216,22 +328,22 @@ class Mission:
             # A decision that takes long is no jump: it was streamed on meanwhile.
             jump = now_ns - max(last, min(self.reference.streamed_ns, now_ns))
             if not -BACKWARD_NS <= jump <= FORWARD_NS:
-                self._jump(jump, now_ns)
+                self._jump(jump, now_ns, known=last != 0)
         self.reference.prune(now_ns)
 
-    def _jump(self, jump: int, now_ns: int) -> None:
-        self.reference.shift(jump)
-        self.world.shift(jump)
-        if self._slew is not None:
-            self._slew = replace(self._slew, start_ns=self._slew.start_ns + jump)
-        if self.measured is not None:
+    def _jump(self, jump: int, now_ns: int, *, known: bool) -> None:
+        """The clock was set, or has begun to be known."""
+        self.flight.shift(jump)
+        self.world.shift(jump, everything=known)
+        if self.measured is not None and (known or self.measured.stamp_ns == 0):
             self.measured = self.measured._replace(stamp_ns=self.measured.stamp_ns + jump)
         self._retry_ns = self._gain_ns = now_ns
         if self.timeline:
-            self._tell(
-                Level.WARN,
-                "CLOCK_JUMP",
+            self.ledger.tell(
+                Code.CLOCK_JUMP,
                 f"the clock jumped by {jump * 1e-9:+.3f} s; the stream goes on from where it was",
+                self.ledger.unfinished,
+                plan=self.flight.slew if self.flight.bound else None,
             )
         if self.pending is not None:
             self._request(now_ns, self.pending.reason, approved=self.pending.approved)
@@ -242,7 +354,7 @@ class Mission:
         """Take in what became of the pending request; anything else is out of date."""
         self.advance(now_ns)
         request, solution = result.request, result.solution
-        if request is not self.pending or not self.active:
+        if request is not self.pending or self.ending or not self.active:
             return
         self.pending = None
         if solution.trajectory is None:
@@ -262,8 +374,8 @@ class Mission:
             return
         if not (self.settings.auto_execute or request.approved or request.reason is Reason.GAIN):
             self.shown = proposal
-            self._told = ""
-            self._tell_plan("SHOWN", "certified; call ~/execute to fly it", proposal)
+            message = "certified; call ~/execute to fly it"
+            self.ledger.tell_plan(Code.SHOWN, message, self.goal, proposal)
             return
         verdict = self._fly(proposal, start_ns, now_ns)
         if verdict is None:
@@ -275,7 +387,7 @@ class Mission:
             if self._overtaken > TRIES:
                 self._fail(why, now_ns)
                 return
-            self._tell(Level.WARN, "OVERTAKEN", f"planned anew; {why}")
+            self.ledger.tell(Code.OVERTAKEN, f"planned anew; {why}", self.goal)
             self._request(now_ns, request.reason, approved=request.approved)
 
     def _start(self, request: Request, now_ns: int) -> int | None:
@@ -310,7 +422,7 @@ class Mission:
 
     def _look_for_gain(self, now_ns: int) -> None:
         """Where the world has changed since the plan, see if another way is cheaper."""
-        flying = self._bound_for is not None and now_ns < self.timeline.end_ns
+        flying = self.flight.bound and now_ns < self.timeline.end_ns
         changed = self.world.version != self._planned_version
         if flying and changed and self.pending is None and now_ns - self._gain_ns >= RETRY_NS:
             self._gain_ns, self._planned_version = now_ns, self.world.version
@@ -335,27 +447,15 @@ class Mission:
     def _fly(self, proposal: Proposal, start_ns: int, now_ns: int) -> Verdict | None:
         """Put a plan in the timeline, if the timeline is certified with it; None if too late."""
         shift = start_ns - proposal.segments[0].start_ns
-        timeline = self.timeline
-        for segment in proposal.segments:
-            timeline = timeline.spliced(replace(segment, start_ns=segment.start_ns + shift))
-        # A way out is no part of what can be certified; the plan that follows it is.
-        judged = timeline
-        if self.leaving:
-            judged = Timeline(timeline.segments[-len(proposal.segments) :])
-        verdict = Judge(self.world, self.settings, now_ns).timeline(judged)
-        if verdict.certified:
-            if not self.reference.change(timeline, start_ns):
-                return None
-            self._overtaken = 0
-            self.verdict, self.shown = verdict, None
-            self._bound_for, self._patience = proposal.request.goal, 1.0
-            self._aim, self._slew = self._bound_for, timeline.segments[-len(proposal.segments)]
+        segments = tuple(
+            replace(segment, start_ns=segment.start_ns + shift) for segment in proposal.segments
+        )
+        verdict = self.flight.fly(segments, now_ns)
+        if verdict is not None and verdict.certified:
+            self._overtaken, self._patience, self.shown = 0, 1.0, None
             self._planned_version = self.world.version
-            self._judged = (self.world.version, now_ns)
-            segments = timeline.segments[-len(proposal.segments) :]
-            flown = replace(proposal, segments=segments)
-            self._told = ""
-            self._tell_plan("FLYING", "certified", flown)
+            flown = replace(proposal, segments=self.timeline.segments[-len(segments) :])
+            self.ledger.tell_plan(Code.FLYING, "certified", self.goal, flown)
         return verdict
 
     def _refused(self, result: Result, now_ns: int) -> None:
@@ -376,10 +476,11 @@ class Mission:
     ) -> None:
         self._retry_ns = now_ns + RETRY_NS
         kept = "nothing is flown" if not self.timeline else f"{self.doing(now_ns)} goes on"
-        code = "INVALID" if solution is None else solution.status.name
+        code = Code.INVALID if solution is None else code_of(solution.status)
         if solution is not None and solution.status.advice not in why:
             why += f"; {solution.status.advice}"
-        self._tell(Level.ERROR, code, f"{why}; {kept}", solution, problem)
+        message = f"{why}; {kept}"
+        self.ledger.tell(code, message, self.goal, solution=solution, problem=problem)
 
     def _stretch(self, now_ns: int, request: Request, why: str) -> None:
         """Plan from a later point, with more time."""
@@ -387,28 +488,42 @@ class Mission:
             self._fail(f"{why}, at {PATIENCE:g} planning budgets; raise planning_budget", now_ns)
             return
         self._patience *= 2.0
-        self._tell(
-            Level.WARN,
-            "LATE",
-            f"{why}; what flies goes on, and it is planned from {self._patience:g} budgets ahead",
-        )
+        ahead = f"it is planned from {self._patience:g} budgets ahead"
+        self.ledger.tell(Code.LATE, f"{why}; what flies goes on, and {ahead}", self.goal)
         self._request(now_ns, request.reason, approved=request.approved)
 
     # Asking for plans ---------------------------------------------------------------------------
+
+    def _missing(self) -> str:
+        return f"no direction is known of zone {', '.join(self.world.missing)} yet"
+
+    def _waits_for(self) -> str:
+        """What has to come before it can be planned; empty if nothing."""
+        if not self.active:
+            return "kept until the node is active"
+        if not self._last_ns:
+            return NO_CLOCK
+        if self.world.missing:
+            return self._missing()
+        if not self.timeline and self.settings.require_state and self.measured is None:
+            return "require_state: nothing on ~/state or ~/imu yet"
+        return ""
 
     def _request(self, now_ns: int, reason: Reason, *, approved: bool = False) -> None:
         """Ask for a plan to the goal; the newest request counts."""
         self._withdraw()
         goal = self.goal
-        if goal is None or not self.active:
+        if goal is None or self.ending:
             return
         self._retry_ns = now_ns + RETRY_NS
-        if self.world.missing:
-            names = ", ".join(self.world.missing)
-            self._tell(Level.WARN, "WAITING", f"no direction is known of zone {names} yet")
+        waits = self._waits_for()
+        if waits:
+            self.ledger.tell(Code.WAITING, waits, goal)
             return
-        if not self.timeline and self.settings.require_state and self.measured is None:
-            self._tell(Level.WARN, "WAITING", "require_state: nothing on ~/state or ~/imu yet")
+        why = self._objection(goal, now_ns) if self.flight.slew is None else ""
+        if why and self.ledger.unfinished is goal:
+            self.goal = None
+            self.ledger.end(Code.REFUSED, f"goal refused: {why}", why)
             return
         ahead = round(self.settings.budget_ns * self._patience)
         fresh = not self.timeline
@@ -417,9 +532,10 @@ class Mission:
         else:
             leaving = Judge(self.world, self.settings, now_ns) if self.leaving else None
             start = requests.reference_state(self.timeline, self.settings, now_ns + ahead, leaving)
-        flying = self._slew if goal is self._aim else None
         try:
-            attempts = requests.attempts(self.settings, self.world, start, goal, reason, flying)
+            attempts = requests.attempts(
+                self.settings, self.world, start, goal, reason, self.flight.slew
+            )
         except InvalidProblemError as error:
             self._fail(str(error), now_ns)
             return
@@ -436,7 +552,7 @@ class Mission:
         """Try again what could not be planned, if the goal is not plainly forbidden."""
         self._retry_ns = now_ns + RETRY_NS
         assert self.goal is not None  # the caller looked
-        if not self.world.missing:
+        if not self.world.missing and self._last_ns and self.flight.slew is not None:
             judge = Judge(self.world, self.settings, now_ns)
             end = Setpoint(now_ns, self.goal.quaternion, np.zeros(3), np.zeros(3))
             if judge.inside(end):
@@ -450,96 +566,22 @@ class Mission:
 
     def _judge(self, now_ns: int) -> None:
         """Certify the timeline from now on; where that fails, fly what is safe, and replan."""
-        self._judged, self._rescue_due = (self.world.version, now_ns), False
-        if not self.timeline or self.world.missing:
-            return
-        judge = Judge(self.world, self.settings, now_ns)
-        if self.leaving and self._still_leaving(judge, now_ns):
-            return
-        self.verdict = judge.timeline(self.timeline)
-        if self.verdict.certified:
-            self._look_for_gain(now_ns)
-            return
-        why = "; ".join(self.verdict.reasons)
-        if self._dropped(now_ns):
-            self._tell(Level.WARN, "OVERTAKEN", f"planned anew: {why}")
-            self._request(now_ns, Reason.RETRY)
-            return
-        found = self._rescue(now_ns)
+        found = self.flight.check(now_ns)
         if found is None:
-            self._tell(Level.ERROR, "LATE", f"{_TOO_BUSY} ({why})")
+            verdict = self.verdict
+            if (
+                self.timeline
+                and not self.world.missing
+                and not self.leaving
+                and verdict is not None
+            ):
+                self._look_for_gain(now_ns)
             return
-        level = Level.WARN if found.certified else Level.ERROR
-        self._tell(level, found.purpose.name, f"{found.message} ({why})")
-        if self.goal is not None:
-            self._request(now_ns, Reason.OBSTACLE)
-
-    def _still_leaving(self, judge: Judge, now_ns: int) -> bool:
-        """Whether the way out is still one, and what follows it is certified."""
-        segment = self.timeline.segment_at(now_ns)
-        way = next((s for s in self.timeline.segments if s.purpose is Purpose.WAY_OUT), None)
-        if way is None or (segment is way and now_ns >= way.end_ns):
-            self.leaving = False
-            return False
-        after = Timeline(tuple(s for s in self.timeline.segments if s.start_ns > way.start_ns))
-        until = after.segments[0].start_ns if after else way.end_ns
-        if not judge.leaves(way, until):
-            return False
-        if not after:
-            return True
-        self.verdict = judge.timeline(after)
-        return self.verdict.certified
-
-    def _dropped(self, now_ns: int) -> bool:
-        """Fly nothing, if nothing has begun that would have to be brought to rest."""
-        begin_ns = self.timeline.segments[0].start_ns
-        unbegun = now_ns + recovery.lead_ns(self.settings) < begin_ns
-        if not unbegun or not self.reference.change(Timeline(), begin_ns - 1):
-            return False
-        self._bound_for = None
-        return True
-
-    def _rescue(self, now_ns: int) -> recovery.Rescue | None:
-        """Fly what is safe; None if it was found too late each time, to be tried again."""
-        for ahead_ns in AHEAD_NS:
-            from_ns = max(now_ns, self.reference.streamed_ns)
-            judge = Judge(self.world, self.settings, from_ns + ahead_ns)
-            found = recovery.rescue(self.timeline, judge, self.settings)
-            if not self._take(found):
-                continue
-            if ahead_ns:  # what flies till then counts as well
-                self.verdict = Judge(self.world, self.settings, from_ns).timeline(self.timeline)
-                if not self.verdict.certified:
-                    message = f"{found.message}, but what flies before it is not certified"
-                    return replace(found, certified=False, message=message)
-            return found
-        self._rescue_due = True
-        return None
-
-    def _take(self, found: recovery.Rescue) -> bool:
-        if not self.reference.change(found.timeline, found.timeline.last.start_ns):
-            return False
-        self.shown, self._bound_for = None, None
-        self.leaving = found.purpose is Purpose.WAY_OUT and not found.certified
-        self.verdict = found.verdict
-        return True
-
-    def _stop(self, now_ns: int) -> str:
-        """Come to rest; says how."""
-        self._stop_due = False
-        begin = now_ns + recovery.lead_ns(self.settings)
-        if self.timeline.resting(begin):
-            return "held at rest"
-        if self._dropped(now_ns):
-            return "nothing had begun"
-        if self.leaving:
-            return "the way out of a zone is flown to its end, then held"
-        judge = Judge(self.world, self.settings, now_ns)
-        found = recovery.come_to_rest(self.timeline, judge, self.settings, begin)
-        if found is None or not self._take(found):
-            found = self._rescue(now_ns)
-        self._stop_due = found is None
-        return _TOO_BUSY if found is None else found.message
+        if found.reason is not None:
+            self.shown = None
+        self.ledger.tell(found.code, found.message, self.goal, level=found.level)
+        if self.goal is not None and found.reason is not None:
+            self._request(now_ns, found.reason)
 
     # Telling ------------------------------------------------------------------------------------
 
@@ -556,39 +598,9 @@ class Mission:
 
     def take_events(self) -> list[Event]:
         """What has happened since the last call."""
-        events, self.events = self.events, []
-        return events
+        return self.ledger.take()
 
     def take_wanted(self) -> Request | None:
         """What is to be planned, once."""
         request, self.wanted = self.wanted, None
         return request
-
-    def _tell(
-        self,
-        level: Level,
-        code: str,
-        message: str,
-        solution: Solution | None = None,
-        problem: Problem | None = None,
-    ) -> None:
-        """Leave an event, unless it is the very one that was told last."""
-        if message == self._told:
-            return
-        self._told = message
-        self.events.append(Event(level, code, message, solution, problem))
-
-    def _tell_plan(self, code: str, message: str, proposal: Proposal) -> None:
-        solution = proposal.solution
-        seconds = proposal.segments[0].trajectory.duration
-        self.events.append(
-            Event(
-                Level.OK,
-                code,
-                f"{message}: {seconds:.6g} s, cost {solution.cost:.6g},"
-                f" solved in {1e3 * solution.solve_time:.3g} ms",
-                solution,
-                proposal.problem,
-                proposal,
-            )
-        )

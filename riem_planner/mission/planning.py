@@ -39,10 +39,24 @@ class Reason(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """Where to go: quaternion (4,), x, y, z, w, and body rate (3,) [rad/s] on arrival."""
+    """Where to go.
+
+    Parameters
+    ----------
+    quaternion : (4,)
+        x, y, z, w.
+    rate : (3,)
+        Body rate on arrival [rad/s].
+    stamp_ns
+        What it is known by: the stamp of its message, or when that came [ns].
+    topic
+        Where it was told.
+    """
 
     quaternion: Array
     rate: Array
+    stamp_ns: int = 0
+    topic: str = "~/goal"
 
     def equals(self, other: Goal | None) -> bool:
         """Whether it is the same goal, to rounding; q and -q are the same."""

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from riem_planner.escape import way_out
+from riem_planner.escape import WayOut, way_out
+from riem_planner.mission.codes import Code
 from riem_planner.mission.safety import Judge, Verdict, hold_horizon, without_roll
 from riem_planner.mission.settings import Settings
 from riem_planner.mission.timeline import Purpose, Segment, Setpoint, Timeline
@@ -43,6 +44,13 @@ class Rescue:
     certified: bool
     verdict: Verdict
     message: str
+
+    @property
+    def code(self) -> Code:
+        """What is told of it."""
+        if self.purpose is Purpose.STOP:
+            return Code.STOP
+        return Code.DODGE if self.certified else Code.WAY_OUT
 
 
 def lead_ns(settings: Settings) -> int:
@@ -82,15 +90,35 @@ def _within_limits(stop: Trajectory, settings: Settings) -> bool:
     return all(part <= max(1.0, start[key]) + 1e-6 for key, part in used.items())
 
 
-def come_to_rest(timeline: Timeline, judge: Judge, settings: Settings, at_ns: int) -> Rescue | None:
-    """The gentlest certified stop from a time on, and the hold after it; None if there is none."""
+def come_to_rest(
+    timeline: Timeline,
+    judge: Judge,
+    settings: Settings,
+    at_ns: int,
+    within: float | None = None,
+) -> Rescue | None:
+    """The gentlest certified stop from a time on, and the hold after it; None if there is none.
+
+    Parameters
+    ----------
+    timeline, judge, settings
+        What is streamed, and who judges what is to be.
+    at_ns
+        When the stop is to begin [ns].
+    within
+        How long it may take [s]; if none is certified that is so short, the shortest is taken.
+    """
+    longer: Rescue | None = None
     for candidate in _stops(timeline, settings, at_ns):
         verdict = judge.timeline(candidate)
         if verdict.certified:
             seconds = candidate.last.trajectory.duration
             message = f"a certified stop within {seconds:.3g} s and hold"
-            return Rescue(candidate, Purpose.STOP, True, verdict, message)
-    return None
+            found = Rescue(candidate, Purpose.STOP, True, verdict, message)
+            if within is None or seconds <= within:
+                return found
+            longer = found  # each is shorter than the one before
+    return longer
 
 
 def leave(timeline: Timeline, judge: Judge, settings: Settings, at_ns: int) -> Rescue:
@@ -98,29 +126,33 @@ def leave(timeline: Timeline, judge: Judge, settings: Settings, at_ns: int) -> R
     segment, start = timeline.segment_at(at_ns), timeline.at(at_ns)
     assert segment is not None  # the timeline is streamed from now on
     assert start is not None
-    candidate = timeline.spliced(way_out_segment(start, judge, settings, segment.trajectory))
+    way = _way_out(start, judge, settings, segment.trajectory)
+    candidate = timeline.spliced(Segment(at_ns, way.trajectory, Purpose.WAY_OUT))
     verdict = judge.timeline(candidate)
-    angle = math.degrees(_turn(candidate.last.trajectory))
-    seconds = candidate.last.trajectory.duration
-    message = f"a turn by {angle:.3g} deg within {seconds:.3g} s"
+    angle = math.degrees(_turn(way.trajectory))
+    speed = np.linalg.norm(way.trajectory.angular_velocities, axis=1)
+    message = (
+        f"a turn by {angle:.3g} deg within {way.trajectory.duration:.3g} s, at most"
+        f" {math.degrees(float(np.max(speed))):.3g} deg/s, bound by {way.binds}"
+    )
     return Rescue(candidate, Purpose.WAY_OUT, verdict.certified, verdict, message)
 
 
-def way_out_segment(
+def _way_out(
     start: Setpoint, judge: Judge, settings: Settings, flying: Trajectory | None
-) -> Segment:
-    """The shortest way out from a reference state, as a segment."""
+) -> WayOut:
+    """The soonest way out from a reference state."""
     forbidden = judge.forbidden(start.stamp_ns)
     calm = without_roll(start, settings)
-    trajectory = way_out(
+    return way_out(
         calm.quaternion,
         calm.rate,
         calm.acceleration,
         forbidden,
         gentle_acceleration(settings, flying),
         MARGIN + forbidden.fastest * hold_horizon(settings),
+        settings.limits,
     )
-    return Segment(start.stamp_ns, trajectory, Purpose.WAY_OUT)
 
 
 def _turn(trajectory: Trajectory) -> float:
@@ -141,7 +173,7 @@ def rescue(timeline: Timeline, judge: Judge, settings: Settings) -> Rescue:
     inside = judge.inside(start)
     if inside:
         found = leave(timeline, judge, settings, soon)
-        message = f"inside {', '.join(inside)}: the shortest way out, {found.message}"
+        message = f"inside {', '.join(inside)}: the way out, {found.message}"
         return replace(found, certified=False, message=message)
     for at_ns in dict.fromkeys((later, soon)):
         stop = come_to_rest(timeline, judge, settings, at_ns)

@@ -149,6 +149,10 @@ SPECIFICATIONS: tuple[Specification, ...] = (
     _number("input_timeout", 1.0, "a stamp older than it is stale [s]", 1e-3, 1e6),
     Specification("autostart", "flag", True, "configure and activate by itself", change="never"),
     Specification("auto_execute", "flag", True, "fly a plan without asking for ~/execute"),
+    Specification(
+        "stop_on_shutdown", "flag", True, "come to rest before SIGINT or SIGTERM ends the node"
+    ),
+    _number("shutdown_timeout", 4.0, "the longest that such a stop is waited for [s]", 0.0, 3600.0),
 )
 
 ZONE_SPECIFICATIONS: tuple[Specification, ...] = (
@@ -276,7 +280,10 @@ class Settings:
     replan_gain: float
     tracking_bound: float
     input_timeout: float
+    autostart: bool
     auto_execute: bool
+    stop_on_shutdown: bool
+    shutdown_timeout: float
 
     @property
     def budget_ns(self) -> int:
@@ -390,7 +397,10 @@ def settings_from_values(values: Mapping[str, Any]) -> Settings:
         replan_gain=float(values["replan_gain"]),
         tracking_bound=float(values["tracking_bound"]),
         input_timeout=float(values["input_timeout"]),
+        autostart=bool(values["autostart"]),
         auto_execute=bool(values["auto_execute"]),
+        stop_on_shutdown=bool(values["stop_on_shutdown"]),
+        shutdown_timeout=float(values["shutdown_timeout"]),
     )
 
 

@@ -113,11 +113,16 @@ class World:
         matrices = so3.quaternion_to_matrix(self._orientations)
         self._standing = tuple(self._obstacle(i, matrix) for i, matrix in enumerate(matrices))
 
-    def shift(self, nanoseconds: int) -> None:
-        """Move all stamps: the clock has jumped by that much."""
+    def shift(self, nanoseconds: int, *, everything: bool = True) -> None:
+        """Move stamps: the clock has jumped by that much [ns].
+
+        Where the clock has only begun to be known, not `everything`: what was stamped by a sender
+        is right, what came without a stamp came at time 0.
+        """
         for track in self._tracks.values():
-            track.stamp_ns += nanoseconds
-            track.history.clear()
+            if everything or track.stamp_ns == 0:
+                track.stamp_ns += nanoseconds
+                track.history.clear()
 
     @property
     def missing(self) -> tuple[str, ...]:

@@ -1,23 +1,16 @@
-"""Subscriptions: every message checked as a whole, the good ones turned into calls."""
+"""What the node hears: every message checked as a whole, the good ones turned into calls."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseArray, PoseStamped, Vector3Stamped
 from nav_msgs.msg import Odometry
-from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.qos import (
-    DurabilityPolicy,
-    QoSPolicyKind,
-    QoSProfile,
-    ReliabilityPolicy,
-    qos_policy_name_from_kind,
-)
-from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import Imu
 
 from msg_adapters import MessageError
@@ -27,131 +20,184 @@ from msg_adapters.geometry import (
     attitude_from_odometry,
     attitude_from_pose,
     direction_from_vector,
+    nanoseconds_from_time,
 )
 from msg_adapters.pose_array import orientations_from_cdr
+from riem_planner.mission.mission import Mission
 from riem_planner.mission.planning import Goal
-
-if TYPE_CHECKING:
-    from riem_planner.node.planner_node import PlannerNode
+from riem_planner.mission.settings import Settings
 
 MOST_OBSTACLES = 500
 """Poses in ~/obstacles; a message with more is a mistake, and would be too slow to plan with."""
-
-OVERRIDABLE = (
-    QoSPolicyKind.HISTORY,
-    QoSPolicyKind.DEPTH,
-    QoSPolicyKind.RELIABILITY,
-    QoSPolicyKind.DURABILITY,
-)
+GOAL_DEPTH = 10
+"""Goals that may wait: none is to be lost."""
 
 
-def input_qos() -> QoSProfile:
-    """Reliable, volatile, depth 1: the newest wins."""
-    return QoSProfile(
-        depth=1,
-        reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.VOLATILE,
-    )
+@dataclass(frozen=True)
+class Desk:
+    """What messages are given to.
+
+    Parameters
+    ----------
+    settings, mission
+        Give the present ones.
+    calls
+        Gives the time [ns] to call the mission with, and publishes what came of it.
+    reject
+        Called with topic, error, and for a goal the stamp that it is known by [ns].
+    warn
+        Called with a topic and a sentence about a message that is taken all the same.
+    """
+
+    settings: Callable[[], Settings]
+    mission: Callable[[], Mission]
+    calls: Callable[[], AbstractContextManager[int]]
+    reject: Callable[[str, MessageError, int | None], None]
+    warn: Callable[[str, str], None]
 
 
-def overriding() -> QoSOverridingOptions:
-    """QoS parameters of a topic that users may set."""
-    return QoSOverridingOptions(policy_kinds=OVERRIDABLE)
+@dataclass(frozen=True)
+class Input:
+    """One topic that is heard.
+
+    Parameters
+    ----------
+    topic, kind
+        Of its messages.
+    use
+        Called with each message, the time [ns], and whether what was sent later has come before.
+    depth, streams, raw
+        As of an `Ear`.
+    goal
+        Whether it is told on ~/status what becomes of each message.
+    """
+
+    topic: str
+    kind: type
+    use: Callable[[Any, int, bool], None]
+    depth: int = 1
+    streams: bool = False
+    raw: bool = False
+    goal: bool = False
 
 
-def check_stamp(stamp_ns: int, now_ns: int, timeout: float) -> int:
-    """The time of a message [ns]; zero means now, a stale or future stamp is refused."""
-    if stamp_ns == 0:
-        return now_ns
-    age = (now_ns - stamp_ns) * 1e-9
-    if age > timeout:
-        raise MessageError("header.stamp", f"{age:.3f} s old", f"at most {timeout:g} s")
-    if age < -timeout:
+def stamp_of(stamp_ns: int, now_ns: int, timeout: float) -> int:
+    """The time of a message [ns], however old; zero means now, one in the future is refused."""
+    if stamp_ns == 0 or now_ns == 0:
+        return stamp_ns or now_ns  # no time has come on /clock to compare with
+    ahead = (stamp_ns - now_ns) * 1e-9
+    if ahead > timeout:
         raise MessageError(
-            "header.stamp", f"{-age:.3f} s in the future", f"at most {timeout:g} s ahead"
+            "header.stamp", f"{ahead:.3f} s in the future", f"at most {timeout:g} s ahead"
         )
     return stamp_ns
 
 
+def fresh_stamp(stamp_ns: int, now_ns: int, timeout: float) -> int:
+    """The time of a message [ns] that must not be old."""
+    stamp_ns = stamp_of(stamp_ns, now_ns, timeout)
+    age = (now_ns - stamp_ns) * 1e-9
+    if now_ns and age > timeout:
+        raise MessageError("header.stamp", f"{age:.3f} s old", f"at most {timeout:g} s")
+    return stamp_ns
+
+
 class Inputs:
-    """The subscriptions of a planner node."""
+    """The inputs of a planner node, and what is done with their messages.
 
-    def __init__(self, node: PlannerNode) -> None:
-        self._node = node
-        settings = node.settings
-        self._subscribe(PoseStamped, "~/goal", self._goal)
-        self._subscribe(Odometry, "~/goal_state", self._goal_state)
-        self._subscribe(Odometry, "~/state", self._state)
-        self._subscribe(Imu, "~/imu", self._imu)
-        # As bytes: a large array as Python objects would stop the stream.
-        self._subscribe(PoseArray, "~/obstacles", self._obstacles, raw=True)
-        for zone in settings.zones:
-            callback = partial(self._zone, zone.name)
-            self._subscribe(Vector3Stamped, f"~/zones/{zone.name}", callback)
+    Parameters
+    ----------
+    desk
+        What messages are given to.
+    """
 
-    def _subscribe(
-        self, kind: type, topic: str, use: Callable[[Any, int], None], *, raw: bool = False
-    ) -> None:
-        node = self._node
-
-        def incompatible(event: Any) -> None:
-            policy = qos_policy_name_from_kind(event.last_policy_kind)
-            node.get_logger().warning(
-                f"{topic}: a publisher offers an incompatible {policy}; nothing comes from it."
-                f" Publish with another {policy}, or set qos_overrides of this topic"
-            )
-
-        def receive(message: Any) -> None:
-            with node.calls() as now_ns:
-                try:
-                    use(message, now_ns)
-                except MessageError as error:
-                    node.outputs.reject(topic, str(error))
-
-        node.create_subscription(
-            kind,
-            topic,
-            receive,
-            input_qos(),
-            raw=raw,
-            event_callbacks=SubscriptionEventCallbacks(incompatible_qos=incompatible),
-            qos_overriding_options=overriding(),
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        settings = desk.settings()
+        self.topics = (
+            Input("~/goal", PoseStamped, self._goal, depth=GOAL_DEPTH, goal=True),
+            Input("~/goal_state", Odometry, self._goal_state, depth=GOAL_DEPTH, goal=True),
+            Input("~/state", Odometry, self._state, streams=True),
+            Input("~/imu", Imu, self._imu, streams=True),
+            # As bytes: a large array as Python objects would stop the stream.
+            Input("~/obstacles", PoseArray, self._obstacles, raw=True),
+            *(
+                Input(f"~/zones/{zone.name}", Vector3Stamped, partial(self._zone, zone.name))
+                for zone in settings.zones
+            ),
         )
 
-    def _stamp(self, stamp_ns: int, now_ns: int) -> int:
-        return check_stamp(stamp_ns, now_ns, self._node.settings.input_timeout)
+    def receive(self, source: Input, message: Any, late: bool) -> None:
+        """Check a message, and call what it is for."""
+        desk = self._desk
+        with desk.calls() as now_ns:
+            if late and not source.goal:
+                return  # the newest wins
+            try:
+                source.use(message, now_ns, late)
+            except MessageError as error:
+                stamp_ns = _stamp_or(message, now_ns) if source.goal else None
+                desk.reject(source.topic, error, stamp_ns)
 
-    def _set_goal(self, attitude: Attitude, now_ns: int) -> None:
-        self._stamp(attitude.stamp, now_ns)
-        self._node.mission.set_goal(Goal(attitude.quaternion, attitude.rate), now_ns)
+    @property
+    def _settings(self) -> Settings:
+        return self._desk.settings()
 
-    def _goal(self, message: PoseStamped, now_ns: int) -> None:
-        self._set_goal(attitude_from_pose(message, self._node.settings.reference_frame), now_ns)
+    def _set_goal(self, attitude: Attitude, topic: str, now_ns: int, late: bool) -> None:
+        stamp_ns = fresh_stamp(attitude.stamp, now_ns, self._settings.input_timeout)
+        goal = Goal(attitude.quaternion, attitude.rate, stamp_ns, topic)
+        mission = self._desk.mission()
+        if late:
+            mission.ledger.pass_over(goal)
+        else:
+            mission.set_goal(goal, now_ns, stamped=attitude.stamp != 0)
 
-    def _goal_state(self, message: Odometry, now_ns: int) -> None:
-        settings = self._node.settings
+    def _goal(self, message: PoseStamped, now_ns: int, late: bool) -> None:
+        attitude = attitude_from_pose(message, self._settings.reference_frame)
+        self._set_goal(attitude, "~/goal", now_ns, late)
+
+    def _goal_state(self, message: Odometry, now_ns: int, late: bool) -> None:
+        settings = self._settings
         attitude = attitude_from_odometry(message, settings.reference_frame, settings.body_frame)
-        self._set_goal(attitude, now_ns)
+        self._set_goal(attitude, "~/goal_state", now_ns, late)
 
     def _see_state(self, attitude: Attitude, now_ns: int) -> None:
-        stamp_ns = self._stamp(attitude.stamp, now_ns)
-        self._node.mission.see_state(attitude.quaternion, attitude.rate, stamp_ns, now_ns)
+        stamp_ns = fresh_stamp(attitude.stamp, now_ns, self._settings.input_timeout)
+        mission = self._desk.mission()
+        mission.see_state(attitude.quaternion, attitude.rate, stamp_ns, now_ns)
 
-    def _state(self, message: Odometry, now_ns: int) -> None:
-        settings = self._node.settings
+    def _state(self, message: Odometry, now_ns: int, _: bool) -> None:
+        settings = self._settings
         attitude = attitude_from_odometry(message, settings.reference_frame, settings.body_frame)
         self._see_state(attitude, now_ns)
 
-    def _imu(self, message: Imu, now_ns: int) -> None:
-        self._see_state(attitude_from_imu(message, self._node.settings.body_frame), now_ns)
+    def _imu(self, message: Imu, now_ns: int, _: bool) -> None:
+        self._see_state(attitude_from_imu(message, self._settings.body_frame), now_ns)
 
-    def _obstacles(self, data: bytes, now_ns: int) -> None:
-        settings = self._node.settings
+    def _told_at(self, topic: str, stamp_ns: int, now_ns: int) -> int:
+        """The time of data about the world [ns]: of any age, but a great one is told."""
+        timeout = self._settings.input_timeout
+        stamp_ns = stamp_of(stamp_ns, now_ns, timeout)
+        age = (now_ns - stamp_ns) * 1e-9
+        if now_ns and age > timeout:
+            self._desk.warn(topic, f"data {age:.3f} s old is taken, more than input_timeout")
+        return stamp_ns
+
+    def _obstacles(self, data: bytes, now_ns: int, _: bool) -> None:
+        settings = self._settings
         found = orientations_from_cdr(data, settings.reference_frame, MOST_OBSTACLES)
-        self._stamp(found.stamp, now_ns)
-        self._node.mission.see_obstacles(np.asarray(found.quaternions), now_ns)
+        self._told_at("~/obstacles", found.stamp, now_ns)
+        self._desk.mission().see_obstacles(np.asarray(found.quaternions), now_ns)
 
-    def _zone(self, name: str, message: Vector3Stamped, now_ns: int) -> None:
-        direction = direction_from_vector(message, self._node.settings.reference_frame)
-        stamp_ns = self._stamp(direction.stamp, now_ns)
-        self._node.mission.see_zone(name, direction.vector, stamp_ns, now_ns)
+    def _zone(self, name: str, message: Vector3Stamped, now_ns: int, _: bool) -> None:
+        direction = direction_from_vector(message, self._settings.reference_frame)
+        stamp_ns = self._told_at(f"~/zones/{name}", direction.stamp, now_ns)
+        self._desk.mission().see_zone(name, direction.vector, stamp_ns, now_ns)
+
+
+def _stamp_or(message: Any, now_ns: int) -> int:
+    """The stamp of a message that is wrong [ns], or now where it has none."""
+    try:
+        return nanoseconds_from_time(message.header.stamp) or now_ns
+    except MessageError:
+        return now_ns

@@ -8,12 +8,19 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Callable
 from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from riem_planner.node.planner_node import PlannerNode
 
 STOP_WITHIN = 0.5
 """Time given to the executor to end [s]."""
 HUNG = 4.0
 """Time after which an end that hangs is cut off, and where it hangs is told [s]."""
+LOOK = 0.1
+"""Longest time between two looks whether a signal has come [s]."""
 SWITCH_INTERVAL = 1e-4
 """How long a thread may keep the interpreter from the stream [s]."""
 
@@ -28,16 +35,45 @@ def _settle() -> None:
     gc.freeze()
 
 
+def _spin(executor: Any, stop: threading.Event, fault: Callable[[str], None]) -> None:
+    """Spin until it is shut down; an error that a callback lets escape is told, and ends there."""
+    from rclpy.executors import ExternalShutdownException
+
+    while not stop.is_set():
+        try:
+            executor.spin_once(timeout_sec=LOOK)
+        except ExternalShutdownException:
+            stop.set()
+        except Exception as error:
+            # While it is being shut down an executor may stumble over what is gone already.
+            if not stop.is_set():
+                fault(f"{type(error).__name__}: {error}")
+
+
+def _come_to_rest(node: PlannerNode, again: threading.Event) -> None:
+    """Fly a certified stop before the end, unless a second signal comes; say if it still turns."""
+    settings = node.settings
+    if settings.stop_on_shutdown:
+        within = settings.shutdown_timeout
+        stopping = threading.Thread(target=node.come_to_rest, args=(within,), daemon=True)
+        stopping.start()
+        while stopping.is_alive() and not again.is_set():
+            stopping.join(LOOK)
+    rate = node.streamed_rate()
+    if rate > 0.0:
+        node.get_logger().warning(f"the stream ends while it turns at {rate:.3g} rad/s")
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the node; returns the exit code.
 
     The main thread only waits for a signal: no exception is ever thrown into the middle of a
     callback, and a signal is answered whatever the other threads are doing.
     """
-    stop = threading.Event()
+    stop, again = threading.Event(), threading.Event()
 
     def on_signal(_: int, __: FrameType | None) -> None:
-        stop.set()
+        (again if stop.is_set() else stop).set()
 
     signal.signal(signal.SIGINT, on_signal)
     signal.signal(signal.SIGTERM, on_signal)
@@ -50,58 +86,46 @@ def main(arguments: list[str] | None = None) -> int:
 
     # Here, so that a signal during the second that these imports take is answered as well.
     import rclpy
-    from rclpy.executors import ExternalShutdownException
+    from rclpy.executors import SingleThreadedExecutor
     from rclpy.logging import get_logger
     from rclpy.signals import SignalHandlerOptions
 
     from riem_planner.errors import InvalidProblemError
-    from riem_planner.node.executor import NodeExecutor
     from riem_planner.node.planner_node import PlannerNode
 
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     try:
-        node = PlannerNode(settle=_settle)
+        node = PlannerNode(settle=_settle, strict=True)
     except InvalidProblemError as error:
         get_logger("riem_planner").fatal(f"parameter {error}")
         rclpy.try_shutdown()
         return 2
-    executor = NodeExecutor(node.fault)
+    executor = SingleThreadedExecutor()
     executor.add_node(node)
-
-    faults: list[BaseException] = []
-
-    def spin() -> None:
-        try:
-            executor.spin()
-        except ExternalShutdownException:
-            pass
-        except BaseException as error:
-            # While it is being shut down an executor may stumble over what is gone already.
-            if not stop.is_set():
-                faults.append(error)
-                get_logger("riem_planner").fatal(f"{type(error).__name__}: {error}")
-        finally:
-            stop.set()
-
-    spinning = threading.Thread(target=spin, name="executor", daemon=True)
+    ended = threading.Event()
+    spinning = threading.Thread(
+        target=_spin, args=(executor, ended, node.fault), name="executor", daemon=True
+    )
     spinning.start()
-    while not stop.wait(0.5):
+    while not (stop.wait(0.5) or ended.is_set()):
         pass
+    if node.active and not ended.is_set():
+        _come_to_rest(node, again)
+    ended.set()
     faulthandler.dump_traceback_later(HUNG, exit=True)
     # All that is left is to end: looking through what the compiler left would take seconds.
     gc.disable()
     gc.freeze()
     executor.shutdown(timeout_sec=STOP_WITHIN)
     spinning.join(STOP_WITHIN)
-    ended = node.close()
+    closed = node.close()
     rclpy.try_shutdown()
-    code = 1 if faults else 0
-    if not ended or spinning.is_alive():
+    if not closed or spinning.is_alive():
         # A compilation can't be interrupted, and tearing down beneath it would crash.
         sys.stdout.flush()
         sys.stderr.flush()
-        os._exit(code)
-    return code
+        os._exit(0)
+    return 0
 
 
 if __name__ == "__main__":

@@ -149,6 +149,16 @@ class Parameters:
             sentences.append(f"unknown parameter {name}, ignored{hint}")
         return sentences
 
+    def is_set_to(self, parameter: Parameter) -> bool:
+        """Whether a parameter has the value that it is to be set to."""
+        name = parameter.name
+        if not self._node.has_parameter(name):
+            return False
+        given, present = _plain(parameter.value), _plain(self._node.get_parameter(name).value)
+        if isinstance(present, bool) or isinstance(given, bool):
+            return given is present
+        return bool(given == present) and given is not None
+
     def _typed(self, parameters: list[Parameter]) -> list[Parameter]:
         """Unset a list that is given as `[]`, which as YAML has no type, or that is deleted."""
         typed = []

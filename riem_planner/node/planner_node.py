@@ -4,25 +4,30 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any
 
 import numpy as np
 from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidHandle
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
+from msg_adapters import MessageError
+from riem_planner.errors import InvalidProblemError
 from riem_planner.mission.mission import BACKWARD_NS, FORWARD_NS, Mission
 from riem_planner.mission.planning import Goal, Result
 from riem_planner.mission.settings import Settings
-from riem_planner.node.executor import BesideGroup
-from riem_planner.node.inputs import Inputs
-from riem_planner.node.outputs import Outputs
+from riem_planner.node import inputs, outputs, reports
+from riem_planner.node.hearing import Ear
+from riem_planner.node.overrides import inapplicable
 from riem_planner.node.parameters import Parameters
 from riem_planner.node.streamer import Streamer
+from riem_planner.node.transitions import Transitions
 from riem_planner.node.worker import Worker
 from riem_planner.solve import warm_up
 
@@ -31,22 +36,33 @@ FAILURE = TransitionCallbackReturn.FAILURE
 
 TICK = 0.05
 """Time between two looks at what changes with time [s]."""
+LOOK = 0.25
+"""Time between two looks for latched senders [s]."""
 STANDSTILL = 5.0
 """How long the clock may stand still while a stop is waited for [s]."""
+CLOCK_PATIENCE = 2.0
+"""How long a simulated clock may be silent before it is said so [s]."""
+CLOSE_WITHIN = 0.3
+"""Time given to each thread to end [s]."""
 
 
 class PlannerNode(LifecycleNode):
-    """The node `/riem_planner`.
+    """The planner as a node, for any executor of rclpy.
 
     Decisions are the mission's; they are made under one lock. The stream of setpoints reads the
-    mission's reference, and never waits for that lock.
+    mission's reference, and never waits for that lock. Transitions, plans and the stream have
+    threads of their own: no callback holds the executor.
 
     Parameters
     ----------
+    node_name
+        Its name, if no remapping gives it another.
     settle
         Called once the solver is loaded, before anything is streamed.
+    strict
+        Whether to raise where parameter files were given that are not for this node.
     options
-        Those of a lifecycle node.
+        Those of a lifecycle node: `namespace`, `parameter_overrides`, `context`, `cli_args` ...
 
     Attributes
     ----------
@@ -62,23 +78,63 @@ class PlannerNode(LifecycleNode):
     Raises
     ------
     InvalidProblemError
-        A parameter's override is wrong.
+        A parameter's override is wrong, or no parameter file that was given is for this node.
     """
 
-    def __init__(self, *, settle: Callable[[], None] = lambda: None, **options: Any) -> None:
-        super().__init__("riem_planner", **options)
-        self._settle = settle
+    def __init__(
+        self,
+        node_name: str = "riem_planner",
+        *,
+        settle: Callable[[], None] = lambda: None,
+        strict: bool = False,
+        **options: Any,
+    ) -> None:
         self.lock = threading.RLock()
-        self._last_stamp = 0
-        self._configured = False
         self._closing = False
+        self._settle = settle
+        self._last_stamp = self._spinning = 0
+        self._configured = False
+        self._activated = threading.Event()
+        self._threads: list[Callable[[float], bool]] = []
+        super().__init__(node_name, **options)
+        try:
+            arguments = options.get("cli_args")
+            if arguments or options.get("use_global_arguments", True):
+                self._check_files(arguments, strict)
+            self._set_up()
+        except BaseException:
+            self.destroy_node()
+            raise
+
+    def _check_files(self, arguments: Sequence[str] | None, strict: bool) -> None:
+        sentence = inapplicable(arguments, self.get_fully_qualified_name())
+        if sentence and strict:
+            raise InvalidProblemError("--params-file", sentence)
+        if sentence:
+            self.get_logger().warning(sentence)
+
+    def _set_up(self) -> None:
         self._declared = Parameters(self, lambda: not self._configured, self._changed)
         self.mission = Mission(self.settings)
         self.worker = Worker(self._deliver, self.fault)
-        self.outputs = Outputs(self)
-        self._inputs = Inputs(self)
+        self._threads.append(self.worker.close)
+        self.outputs = outputs.Outputs(
+            self,
+            outputs.Desk(
+                self.get_fully_qualified_name(),
+                lambda: self.get_logger(),
+                lambda: self.settings,
+                self.lock,
+                self.worker.chore,
+            ),
+        )
         self._create_services()
-        self._guard_transitions()
+        self._create_transitions()
+        self.streamer = Streamer(
+            self._stream, lambda: self.settings.period_ns, self._simulated_ns, self.fault
+        )
+        self._threads.append(self.streamer.close)
+        self._listen()
         self._create_timers()
         self._report_unknown()
 
@@ -86,6 +142,26 @@ class PlannerNode(LifecycleNode):
     def settings(self) -> Settings:
         """The parameters, validated."""
         return self._declared.settings
+
+    @property
+    def active(self) -> bool:
+        """Whether it plans and streams."""
+        return self._activated.is_set()
+
+    def wait_until_active(self, timeout_sec: float | None = None) -> bool:
+        """Wait until it plans and streams; call it in another thread than the executor's.
+
+        Parameters
+        ----------
+        timeout_sec
+            How long to wait [s]; None: as long as it takes.
+
+        Returns
+        -------
+        bool
+            Whether it is active; False if it is not yet.
+        """
+        return self._activated.wait(timeout_sec)
 
     # Set-up -------------------------------------------------------------------------------------
 
@@ -103,48 +179,69 @@ class PlannerNode(LifecycleNode):
         self.create_service(Trigger, "~/cancel", trigger(lambda now: self.mission.cancel(now)))
         self.create_service(Trigger, "~/execute", trigger(lambda now: self.mission.execute(now)))
 
-    def _create_timers(self) -> None:
-        self.streamer = Streamer(
-            self._stream, lambda: self.settings.period_ns, self._simulated_ns, self.fault
+    def _listen(self) -> None:
+        desk = inputs.Desk(
+            lambda: self.settings, lambda: self.mission, self.calls, self._reject, self._warn
         )
-        self.create_timer(TICK, self._tick)
+        heard = inputs.Inputs(desk)
+
+        def receiver(source: inputs.Input) -> Callable[[Any, bool], None]:
+            return lambda message, late: heard.receive(source, message, late)
+
+        self._ears = [
+            Ear(
+                self,
+                source.topic,
+                source.kind,
+                receiver(source),
+                depth=source.depth,
+                streams=source.streams,
+                raw=source.raw,
+            )
+            for source in heard.topics
+        ]
+
+    def _create_timers(self) -> None:
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(TICK, self.outputs.catch_up, clock=steady)
+        self._born = time.monotonic()
+        self.create_timer(TICK, self._tick, clock=steady)
+        self.create_timer(LOOK, self._look, clock=steady)
         self.create_timer(1.0, self._report_health, clock=steady)
         if self.get_parameter("autostart").value:
-            self.create_guard_condition(self._autostart, self._transitions).trigger()
+            # Once it is spun, so that what is done before that comes first.
+            start = self.create_guard_condition(lambda: self._transitions.do(self._autostart))
+            start.trigger()
 
-    def _guard_transitions(self) -> None:
-        """Answer an invalid transition request with a refusal.
+    def _create_transitions(self) -> None:
+        """Carry transitions out beside the executor, and refuse the invalid ones.
 
-        Left to itself the service lets the error escape from `spin`, which ends the node.
+        Left to itself rclpy lets the error of an invalid one escape from `spin`.
         """
-        service = self._service_change_state
-        # A transition may wait for a stop, and everything else goes on meanwhile.
-        self._transitions = BesideGroup()
-        self._transitions.add_entity(service)
-        service.callback_group = self._transitions
-        change = service.callback
 
-        def guarded(
-            request: ChangeState.Request, response: ChangeState.Response
-        ) -> ChangeState.Response:
+        def is_possible(request: ChangeState.Request) -> bool:
             wanted = request.transition
             for available in self._state_machine.available_transitions:
                 if wanted.label == available[1] or (not wanted.label and wanted.id == available[0]):
-                    return change(request, response)
+                    return True
             name = wanted.label or str(wanted.id)
             state = self._state_machine.current_state[1]
             self.get_logger().warning(f"transition {name} refused: not possible from {state}")
-            response.success = False
-            return response
+            return False
 
-        service.callback = guarded
+        self._transitions = Transitions(self._service_change_state, is_possible, self.fault)
+        self._threads.append(self._transitions.close)
 
     def _report_unknown(self) -> None:
         names = self.list_parameters([], 0).names
         for sentence in self._declared.unknown(names):
             self.get_logger().warning(sentence)
+
+    def set_parameters_atomically(self, parameter_list: list[Parameter]) -> SetParametersResult:
+        """Set parameters together; one that is set to the value it has is no change."""
+        changes = [each for each in parameter_list if not self._declared.is_set_to(each)]
+        if parameter_list and not changes:
+            return SetParametersResult(successful=True)
+        return super().set_parameters_atomically(changes)
 
     # Lifecycle ----------------------------------------------------------------------------------
 
@@ -155,12 +252,11 @@ class PlannerNode(LifecycleNode):
             self.trigger_activate()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Validate the parameters and warm the kernels."""
+        """Take the parameters as they are, and warm the kernels; what came before is kept."""
+        self._configured = True
         if not self._warm():
+            self._configured = False
             return FAILURE
-        with self.lock:
-            self.mission = Mission(self.settings)
-            self._configured = True
         return super().on_configure(state)
 
     def _warm(self) -> bool:
@@ -189,27 +285,42 @@ class PlannerNode(LifecycleNode):
         result = super().on_activate(state)
         self.streamer.start()
         with self.calls() as now_ns:
+            wanted = self.settings.goal_orientation
+            told = self.mission.goal is not None
             self.mission.activate(now_ns)
-            if self.settings.goal_orientation is not None:
-                goal = Goal(np.array(self.settings.goal_orientation), np.zeros(3))
+            if wanted is not None and not told:
+                goal = Goal(np.array(wanted), np.zeros(3), now_ns, "goal.orientation")
                 self.mission.set_goal(goal, now_ns)
-        self.get_logger().info("ready")
+        sentence = reports.readiness(self.settings)
+        log = self.get_logger()
+        log.info(sentence) if self.settings.zones else log.warning(sentence)
+        self._activated.set()
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Come to rest along a certified stop, then end the stream."""
-        self._come_to_rest()
-        self._stop_streaming()
-        with self.lock:
-            self.mission.deactivate()
-            self.outputs.forget()
-        self.worker.withdraw()
+        if not self.come_to_rest():
+            return FAILURE
+        self._end_work()
         return super().on_deactivate(state)
 
-    def _come_to_rest(self) -> None:
+    def come_to_rest(self, within: float | None = None) -> bool:
+        """Fly a certified stop and wait for its end, in another thread than the executor's.
+
+        Parameters
+        ----------
+        within
+            How long it may take [s]; None: as long as it takes.
+
+        Returns
+        -------
+        bool
+            False if nothing can be waited for here, in the executor's own thread.
+        """
         with self.calls() as now_ns:
-            self.mission.cancel(now_ns)
-        last_ns, since = 0, time.monotonic()
+            self.mission.end(now_ns, within)
+        last_ns, begin = 0, time.monotonic()
+        since = begin
         while self.context.ok() and not self._closing:
             with self.lock:
                 now_ns = self.now_ns()
@@ -217,17 +328,34 @@ class PlannerNode(LifecycleNode):
             # The last setpoint says that it is at rest, so that a controller knows.
             published = max(self._last_stamp, now_ns - 10 * self.settings.period_ns)
             if not timeline or timeline.resting(min(now_ns, published)):
-                return
+                return True
+            if threading.get_ident() == self._spinning:
+                self.get_logger().warning("a stop is flown; deactivate it once it is at rest")
+                return False
+            if within is not None and time.monotonic() - begin > within:
+                return True
             if now_ns != last_ns:
                 last_ns, since = now_ns, time.monotonic()
             elif time.monotonic() - since > STANDSTILL:
                 self.get_logger().warning("the clock stands still: the stream ends without a stop")
-                return
+                return True
             time.sleep(0.02)
+        return True
 
-    def _stop_streaming(self) -> None:
+    def streamed_rate(self) -> float:
+        """The body rate of the last setpoint [rad/s]; 0 where nothing is streamed."""
+        setpoint = self.mission.timeline.at(self._last_stamp)
+        return 0.0 if setpoint is None else float(np.linalg.norm(setpoint.rate))
+
+    def _end_work(self) -> None:
+        """End the stream and forget what was to be done; what was told of the world stays."""
+        self._activated.clear()
         self.streamer.stop()
         self.outputs.watch.pause()
+        with self.calls():
+            self.mission.deactivate()
+            self.outputs.forget()
+        self.worker.withdraw()
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Forget everything that came."""
@@ -237,33 +365,43 @@ class PlannerNode(LifecycleNode):
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Come to rest, if it is active, and end."""
         if self.mission.active:
-            self._come_to_rest()
-        self._stop_streaming()
+            self.come_to_rest()
+        self._end_work()
         self._forget()
         return super().on_shutdown(state)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
         """After a fault in a transition: back to unconfigured."""
         self.get_logger().error("a transition failed; the node is unconfigured")
-        self._stop_streaming()
+        self._end_work()
         self._forget()
         return SUCCESS
 
     def _forget(self) -> None:
         with self.lock:
             self.worker.withdraw()
-            self.mission = Mission(self.settings)
+            self.mission = Mission(self.settings, keeps_goals=False)
             self._configured = False
 
+    def destroy_node(self) -> None:
+        """End stream, plans and threads, and leave the graph; a second call does nothing."""
+        self.close()
+
     def close(self) -> bool:
-        """End the worker and the node; whether nothing is left that can't be interrupted."""
-        self._closing = True
-        ended = self.streamer.close(0.3)
-        ended = self.worker.close(0.3) and ended
-        self.outputs.write_log()
+        """End as `destroy_node` does; whether every thread has ended by now."""
+        with self.lock:
+            if self._closing:
+                return True
+            self._closing = True
+        self._activated.clear()
+        ended = [end(CLOSE_WITHIN) for end in self._threads]
+        if self.executor is not None:
+            self.executor.remove_node(self)
         with suppress(InvalidHandle):  # another thread may be in the middle of a call
-            self.destroy_node()
-        return ended
+            super().destroy_node()
+        # Its state machine would keep it in the graph.
+        self._state_machine: Any = None
+        return all(ended)
 
     # Calls --------------------------------------------------------------------------------------
 
@@ -308,18 +446,43 @@ class PlannerNode(LifecycleNode):
             with self.calls() as now_ns:
                 self.mission.accept(result, now_ns)
 
+    def _reject(self, topic: str, error: MessageError, stamp_ns: int | None) -> None:
+        """Tell of a message that can't be used; the log now and then."""
+        warning = self.outputs.rejections.note(topic, error.field, str(error))
+        if warning is not None:
+            self.get_logger().warning(warning)
+        goal = None
+        if stamp_ns is not None:
+            goal = Goal(np.zeros(4), np.zeros(3), stamp_ns, topic)
+        self.mission.ledger.reject(topic, str(error), goal)
+
+    def _warn(self, topic: str, sentence: str) -> None:
+        self.get_logger().warning(f"{topic}: {sentence}", throttle_duration_sec=5.0)
+
     def fault(self, sentence: str) -> None:
         """Tell of an error that nothing else has caught."""
         if not self._closing:
             self.get_logger().error(f"fault, the stream goes on: {sentence}")
 
     def _tick(self) -> None:
+        self._spinning = threading.get_ident()
         with self.calls() as now_ns:
             self.mission.tick(now_ns)
+            silent = not now_ns and time.monotonic() - self._born > CLOCK_PATIENCE
+            if silent and self.mission.active:
+                self.mission.wait_for_clock()
+            for topic, count in self.outputs.rejections.untold().items():
+                self.mission.ledger.count_refusals(topic, count)
+        self.outputs.catch_up(self.mission, self.now_ns())
+
+    def _look(self) -> None:
+        for ear in self._ears:
+            ear.look()
 
     def _report_health(self) -> None:
         with self.lock:
-            self.outputs.report_health(self.mission, self.now_ns())
+            now_ns, realtime = self.now_ns(), self.streamer.realtime
+            self.outputs.report_health(self.mission, now_ns, realtime=realtime)
 
     # The stream ---------------------------------------------------------------------------------
 

@@ -12,7 +12,9 @@ from msg_adapters import status as status_messages
 from msg_adapters.markers import Cap, Scene
 from msg_adapters.trajectory import Samples
 from riem_planner.geometry import so3
-from riem_planner.mission.events import Event, Level, Proposal
+from riem_planner.limits import QUANTITIES
+from riem_planner.mission.codes import Level
+from riem_planner.mission.events import Event, Proposal
 from riem_planner.mission.health import Health
 from riem_planner.mission.settings import Settings
 from riem_planner.mission.zone_tracker import World
@@ -26,6 +28,25 @@ LEVELS = {
     Level.ERROR: status_messages.ERROR,
 }
 _AXES = 9  # attitudes whose body axes are drawn
+
+
+def readiness(settings: Settings) -> str:
+    """The one line that says what the node watches and keeps to."""
+    zones = settings.zones
+    names = ", ".join(zone.name for zone in zones)
+    parts = [f"{_counted(len(zones), 'zone')} ({names})" if zones else "no zones are watched"]
+    if settings.limits is None:
+        parts.append("no limits")
+    else:
+        stated = [key for key in QUANTITIES if getattr(settings.limits, key) is not None]
+        parts.append(" ".join(["limits", *stated]))
+    duration = settings.duration
+    parts.append(f"duration {duration:g} s" if duration else "the least duration")
+    return f"ready: {', '.join(parts)}"
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def samples_of(proposal: Proposal, count: int) -> Samples:
@@ -84,8 +105,16 @@ def _worst(proposal: Proposal, zones: list[Zone], settings: Settings) -> tuple[s
 
 
 def status_values(event: Event) -> dict[str, object]:
-    """Numbers of an outcome, for ~/status."""
-    values: dict[str, object] = {"code": event.code}
+    """What ~/status tells of an event beside its sentence: identity, times, numbers."""
+    values: dict[str, object] = {"code": event.code.name}
+    if event.goal is not None:
+        values["goal_stamp"] = status_messages.stamp_text(event.goal.stamp_ns)
+    if event.start_ns is not None:
+        values["start_time"] = status_messages.stamp_text(event.start_ns)
+    if event.arrival_ns is not None:
+        values["arrival_time"] = status_messages.stamp_text(event.arrival_ns)
+    if event.reason:
+        values["reason"] = event.reason
     solution, problem = event.solution, event.problem
     if solution is None:
         return values

@@ -16,7 +16,8 @@ from msg_adapters.trajectory import samples_from_reference
 from riem_planner.checks import unit_quaternion
 from riem_planner.errors import InvalidProblemError
 from riem_planner.mission.settings import Kind, Specification, check_value
-from riem_planner.node.inputs import input_qos, overriding
+from riem_planner.node.hearing import overriding
+from riem_planner.node.outputs import output_qos
 from riem_planner.node.parameters import descriptor
 from riem_planner.simulation.dynamics import BodyState, Controller, SensorNoise, Spacecraft, Target
 
@@ -118,6 +119,7 @@ SPECIFICATIONS = (
         100.0,
         (3,),
     ),
+    _fixed("planner", "text", "riem_planner", "name of the planner, relative to the namespace"),
     _fixed("reference_frame", "text", "inertial", "frame that setpoints must name"),
     _fixed("body_frame", "text", "base_link", "frame of the body, in state messages"),
 )
@@ -161,19 +163,22 @@ class SpacecraftNode(Node):
         self._target_ns: int | None = None
         self.setpoints = 0
         self._time_ns: int | None = None
+        planner = values["planner"]
+        qos = output_qos(latched=False)
         self._publisher = self.create_publisher(
-            Odometry, "/riem_planner/state", input_qos(), qos_overriding_options=overriding()
+            Odometry, f"{planner}/state", qos, qos_overriding_options=overriding()
         )
+        self._setpoint_topic = self.resolve_topic_name(f"{planner}/setpoint")
         self.create_subscription(
             MultiDOFJointTrajectory,
-            "/riem_planner/setpoint",
+            f"{planner}/setpoint",
             self._hear,
-            input_qos(),
+            output_qos(latched=False),
             qos_overriding_options=overriding(),
         )
         self.create_timer(1.0 / values["step_rate"], self._step)
         self.get_logger().info(
-            f"flying; setpoints from /riem_planner/setpoint, state at {values['step_rate']:g} Hz"
+            f"flying; setpoints from {self._setpoint_topic}, state at {values['step_rate']:g} Hz"
         )
 
     def _declared(self, specification: Specification) -> Any:
@@ -198,7 +203,7 @@ class SpacecraftNode(Node):
             samples, stamp_ns = samples_from_reference(message)
         except MessageError as error:
             self.get_logger().warning(
-                f"/riem_planner/setpoint rejected: {error}", throttle_duration_sec=1.0
+                f"{self._setpoint_topic} rejected: {error}", throttle_duration_sec=1.0
             )
             return
         self._target = Target(samples.quaternions[0], samples.rates[0], samples.accelerations[0])

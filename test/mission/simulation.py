@@ -40,8 +40,8 @@ class Simulation:
     def goal(self, quaternion, rate=(0.0, 0.0, 0.0)):
         """Send a goal."""
         q = np.asarray(quaternion, dtype=float)
-        goal = Goal(q / np.linalg.norm(q), np.asarray(rate, dtype=float))
-        return self.mission.set_goal(goal, self.now_ns)
+        goal = Goal(q / np.linalg.norm(q), np.asarray(rate, dtype=float), self.now_ns)
+        return self.mission.set_goal(goal, self.now_ns, stamped=False)
 
     def zone(self, name, direction):
         """Send the direction of a zone."""
@@ -76,7 +76,7 @@ class Simulation:
 
     def codes(self):
         """Codes of what was told so far."""
-        return [event.code for event in self.events]
+        return [event.code.name for event in self.events]
 
     def doing(self):
         """What is being streamed."""

@@ -25,7 +25,7 @@ def _unit(text):
 
 def test_the_file_lists_every_parameter_with_its_default_and_unit():
     text = PLANNER.read_text()
-    listed = yaml.safe_load(text)["/riem_planner"]["ros__parameters"]
+    listed = yaml.safe_load(text)["/**"]["ros__parameters"]
     expected = {s.name: s.default if s.default is not None else [] for s in SPECIFICATIONS}
     assert listed == expected
     for specification in SPECIFICATIONS:

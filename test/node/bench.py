@@ -27,7 +27,6 @@ from visualization_msgs.msg import MarkerArray
 from msg_adapters import geometry
 from msg_adapters.trajectory import samples_from_reference
 from riem_planner.mission.timeline import Setpoint
-from riem_planner.node.executor import NodeExecutor
 from riem_planner.node.planner_node import PlannerNode
 
 FRAME, BODY = "inertial", "base_link"
@@ -61,7 +60,7 @@ SERVICES = {
 class Bench:
     """Node under test and client, each with its executor, in a context of their own."""
 
-    def __init__(self, zones, values):
+    def __init__(self, zones, values, before=None):
         self.context = Context()
         rclpy.init(context=self.context)
         overrides = [Parameter("zone_names", value=list(zones))] if zones else []
@@ -69,8 +68,10 @@ class Bench:
             zone, _, key = name.partition("__")
             full = f"zones.{zone}.{key}" if key else name.replace("_DOT_", ".")
             overrides.append(Parameter(full, value=value))
-        self.node = PlannerNode(context=self.context, parameter_overrides=overrides)
         self.client = Node("client", context=self.context)
+        if before is not None:
+            before(self)
+        self.node = PlannerNode(context=self.context, parameter_overrides=overrides)
         self.heard = {name: [] for name in [*OUTPUTS, "diagnostics"]}
         for name, (kind, latched) in OUTPUTS.items():
             self._listen(kind, f"/riem_planner/{name}", name, latched)
@@ -87,7 +88,7 @@ class Bench:
         self.closing = False
         self.failure = None
         self.executors = [
-            NodeExecutor(self.node.fault, context=self.context),
+            SingleThreadedExecutor(context=self.context),
             SingleThreadedExecutor(context=self.context),
         ]
         self.threads = []

@@ -23,8 +23,8 @@ def ros():
 
     benches = []
 
-    def start(zones=(), *, active=True, **values):
-        bench = Bench(zones, values)
+    def start(zones=(), *, active=True, before=None, **values):
+        bench = Bench(zones, values, before)
         benches.append(bench)
         if active:
             bench.wait(lambda: bench.state() == "active", 300.0)

@@ -4,39 +4,32 @@ from contextlib import contextmanager
 
 from rclpy.serialization import serialize_message
 
-from riem_planner.node.inputs import Inputs
+from riem_planner.node.inputs import Desk, Inputs
 
 
 class Inbox:
-    """Stands in for the node beneath its `Inputs`."""
+    """Stands in for the node about its `Inputs`."""
 
     def __init__(self, simulation):
         self._simulation = simulation
-        self._receivers = {}
-        self.settings = simulation.mission.settings
         self.rejected = []
-        self.outputs = self
-        Inputs(self)
-
-    @property
-    def mission(self):
-        """What the inputs call."""
-        return self._simulation.mission
-
-    def create_subscription(self, kind, topic, receive, qos, *, raw=False, **options):
-        """Keep what a message is given to."""
-        self._receivers[topic] = (receive, raw)
+        self._warnings = []
+        desk = Desk(
+            lambda: simulation.mission.settings,
+            lambda: simulation.mission,
+            self._calls,
+            lambda topic, error, stamp_ns: self.rejected.append((topic, str(error))),
+            lambda topic, sentence: self._warnings.append((topic, sentence)),
+        )
+        self._inputs = Inputs(desk)
+        self._sources = {source.topic: source for source in self._inputs.topics}
 
     @contextmanager
-    def calls(self):
-        """The time of a call."""
+    def _calls(self):
         yield self._simulation.now_ns
-
-    def reject(self, topic, problem):
-        """Note a refusal."""
-        self.rejected.append((topic, problem))
 
     def send(self, name, message):
         """Give a message to the input it is for."""
-        receive, raw = self._receivers[f"~/{name}"]
-        receive(serialize_message(message) if raw else message)
+        source = self._sources[f"~/{name}"]
+        message = serialize_message(message) if source.raw else message
+        self._inputs.receive(source, message, False)

@@ -34,8 +34,8 @@ def _bad_vector(rng):
     return Vector3(x=x, y=y, z=z)
 
 
-def _bad_stamp(rng, now_ns):
-    kind = rng.integers(3)
+def _bad_stamp(rng, now_ns, kinds):
+    kind = rng.integers(kinds)
     if kind == 0:
         return Time(sec=-int(rng.integers(1, 2**31 - 1)), nanosec=0)
     offset = int(rng.integers(10, 10**6)) * 10**9
@@ -62,7 +62,8 @@ def spoiled(name, rng, now_ns):
     if kind == 0:
         message.header.frame_id = str(rng.choice(BAD_FRAMES))
     elif kind == 1:
-        message.header.stamp = _bad_stamp(rng, now_ns)
+        ages = 2 if topic in ("zones", "obstacles") else 3  # data about the world may be old
+        message.header.stamp = _bad_stamp(rng, now_ns, ages)
     elif topic == "zones":
         message.vector = _bad_vector(rng)
     elif name == "imu":

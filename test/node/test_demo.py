@@ -43,9 +43,9 @@ def _start(config, picture):
 def _quick(tmp_path, **spacecraft):
     """The demonstration in 2 s, by wheels that are strong enough for it."""
     tree = yaml.safe_load(DEMO.read_text())
-    planner = tree["/riem_planner"]["ros__parameters"]
+    planner = tree["/**"]["ros__parameters"]
     planner |= {"duration": 2.0, "limits.torque": [1.0] * 3, "limits.momentum": [1.0] * 3}
-    tree["/spacecraft_sim"]["ros__parameters"] |= {
+    tree["/**/spacecraft_sim"]["ros__parameters"] |= {
         "wheel_torque": [1.0] * 3, "wheel_momentum": [1.0] * 3, **spacecraft
     }  # fmt: skip
     path = tmp_path / "quick.yaml"
@@ -56,7 +56,7 @@ def _quick(tmp_path, **spacecraft):
 def test_the_simulated_spacecraft_is_that_of_the_plan():
     tree = yaml.safe_load(DEMO.read_text())
     planner, simulator = (tree[name]["ros__parameters"] for name in tree)
-    assert list(tree) == ["/riem_planner", "/spacecraft_sim"]
+    assert list(tree) == ["/**", "/**/spacecraft_sim"]
     assert simulator["start.orientation"] == planner["start.orientation"]
     assert simulator["inertia"] == planner["inertia"]
     assert simulator["wheel_torque"] == planner["limits.torque"]

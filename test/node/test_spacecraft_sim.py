@@ -224,4 +224,4 @@ def test_a_signal_ends_it_with_code_zero(number):
     process.send_signal(number)
     _, log = process.communicate(timeout=10.0)
     assert process.returncode == 0, log
-    assert time.monotonic() - begin < 3.0
+    assert time.monotonic() - begin < 10.0
