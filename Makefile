@@ -1,8 +1,9 @@
 # Everything a developer types. Each command sets up what it needs; a second call starts at once.
 #
 #   make run      plan and fly the demonstration manoeuvre      make test    all tests
-#   make bench    solve times beside the peers'                 make lint    ruff and mypy
+#   make bench    solve times beside the peers'                 make lint    linters, types, imports
 #   make figures  the paper's figures and table                 make soak    the long tests
+#   make docs     the documentation's site, offline             make picture the README's moving picture
 #   make clean    remove what the build and the tests left      make setup   only the set-up
 #   make basilisk published manoeuvres flown by Basilisk, and beside its own planner
 #
@@ -20,6 +21,9 @@ KEY := $(SOURCED)-$(shell cat requirements.txt requirements-test.txt setup.py pa
 	Makefile | cksum | cut -d' ' -f1)
 READY := $(VENV)/.ready-$(KEY)
 
+# The site's builder, in the same environment: the reference comes from the code itself.
+DOCS_READY := $(VENV)/.docs-$(KEY)-$(shell cksum < requirements-docs.txt | cut -d' ' -f1)
+
 # Basilisk bounds the versions of its dependencies otherwise than we do; it needs no ROS.
 BASILISK := .venv-basilisk
 BASILISK_READY := $(BASILISK)/.ready-$(shell cksum < requirements-basilisk.txt | cut -d' ' -f1)
@@ -31,7 +35,7 @@ export ROS_PYTHON_CHECK_FIELDS ?= 1
 export ROS_LOG_DIR ?= $(CURDIR)/log/ros
 export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_PREFIX_PATH))
 
-.PHONY: run test bench basilisk lint figures soak clean setup
+.PHONY: run test bench basilisk lint figures soak clean setup docs picture
 .DEFAULT_GOAL := run
 
 # In a terminal the demonstration gets Ctrl-C for itself, so that its exit code is make's.
@@ -55,7 +59,19 @@ figures: $(READY)
 
 lint: $(READY)
 	@$(PY) -m ruff check .
+	@$(PY) -m ruff format --check .
 	@$(PY) -m mypy
+	@$(PY) docs/check_python.py
+
+docs: $(DOCS_READY)
+	@$(PY) -m sphinx -q -W --keep-going -b html docs docs/_build/html
+	@echo "docs/_build/html/index.html"
+
+# Needs Chromium: the picture is taken of the plan page.
+picture: $(READY)
+	@$(PY) -m riem_planner.riem_plan.command config/problems/bevo2_case2.yaml \
+		--output plan.json --html page.html
+	@$(PY) docs/moving_picture.py page.html docs/pictures/slew.gif
 
 setup: $(READY)
 	@echo "$(VENV) is ready"
@@ -86,6 +102,12 @@ endif
 	@rm -f $(VENV)/.ready-*
 	@touch $@
 
+$(DOCS_READY): $(READY)
+	@echo "setting up the documentation's builder, once"
+	@$(PY) -m pip install --quiet --disable-pip-version-check -r requirements-docs.txt
+	@rm -f $(VENV)/.docs-*
+	@touch $@
+
 $(BASILISK_READY):
 	@echo "setting up $(BASILISK) (Basilisk, 1 GB), once; this takes about a minute"
 	@[ -x $(BASILISK)/bin/python ] || $(PYTHON) -m venv $(BASILISK)
@@ -96,5 +118,5 @@ $(BASILISK_READY):
 
 clean:
 	rm -rf build install log figures .pytest_cache .hypothesis .mypy_cache .ruff_cache .benchmarks
-	rm -rf *.egg-info plan.json plan.png demo.png
+	rm -rf *.egg-info plan.json plan.png page.html demo.png docs/_build
 	find . \( -path ./$(VENV) -o -path ./$(BASILISK) \) -prune -o -name __pycache__ -type d -print0 | xargs -0 rm -rf

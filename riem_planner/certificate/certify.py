@@ -50,7 +50,7 @@ class Certificate:
     boundary_error
         Attitude (on S^2: direction) [rad] and rate [rad/s], the larger of start and goal.
     rate_bound
-        Certified bound of |v| in continuous time [rad/s].
+        Certified bound of `|v|` in continuous time [rad/s].
     limit_margins
         Certified part of each limit that is left, at its worst in continuous time: 0.2 says that
         four fifths are used, -0.1 that a tenth more than allowed is. Empty without limits.
