@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from riem_planner.checks import (
-    finite_array,
-    frozen,
-    non_negative_number,
-    positive_number,
-    rotation_matrix,
-    unit_quaternion,
-    unit_vector,
-)
+from riem_planner.checks import finite_array, non_negative_number, positive_number, unit_vector
 from riem_planner.errors import InvalidProblemError
 from riem_planner.geometry import so3
+from riem_planner.goals.kinds import Goal
+from riem_planner.goals.state import HORIZONTAL_TOLERANCE, State, horizontal_rate
 from riem_planner.limits import Limits
 from riem_planner.obstacles import Forbidden, Obstacle
 
@@ -31,7 +25,8 @@ AUTO = "auto"
 DURATIONS = (1e-9, 1e12)
 """Least and greatest duration [s]; beyond, its powers leave the range of numbers."""
 
-_HORIZONTAL_TOLERANCE = 1e-6  # rad/s of roll that still counts as rounding on S^2
+
+__all__ = ["AUTO", "DURATIONS", "S2", "SO3", "Problem", "Space", "State", "horizontal_rate"]
 
 
 @dataclass(frozen=True)
@@ -49,87 +44,6 @@ S2 = Space("s2")
 
 
 @dataclass(frozen=True, eq=False)
-class State:
-    """An attitude and its rate.
-
-    Parameters
-    ----------
-    orientation : (3, 3)
-        Rotation matrix R, body to reference frame.
-    angular_velocity : (3,)
-        Body rate v [rad/s], `R' = R hat(v)`; by default at rest.
-    """
-
-    orientation: Array
-    angular_velocity: Array = field(default_factory=lambda: np.zeros(3))
-
-    def __post_init__(self) -> None:
-        """Validate and freeze."""
-        set_field = object.__setattr__
-        set_field(self, "orientation", rotation_matrix("orientation", self.orientation))
-        set_field(
-            self,
-            "angular_velocity",
-            finite_array("angular_velocity", self.angular_velocity, (3,)),
-        )
-
-    @classmethod
-    def from_quaternion_xyzw(
-        cls, quaternion: ArrayLike, angular_velocity: ArrayLike = (0.0, 0.0, 0.0)
-    ) -> State:
-        """State of a unit quaternion (4,) in the order x, y, z, w and a body rate (3,) [rad/s]."""
-        unit = unit_quaternion("orientation", quaternion)
-        return cls(so3.quaternion_to_matrix(unit), np.asarray(angular_velocity, dtype=float))
-
-    @classmethod
-    def from_direction(
-        cls,
-        direction: ArrayLike,
-        velocity: ArrayLike = (0.0, 0.0, 0.0),
-        boresight: ArrayLike = (1.0, 0.0, 0.0),
-    ) -> State:
-        """Roll-free state of a pointing direction, by the least rotation from the boresight.
-
-        Parameters
-        ----------
-        direction : (3,)
-            Where the boresight points, in the reference frame; any length but zero.
-        velocity : (3,)
-            Velocity of that unit vector [rad/s], tangent to the sphere there.
-        boresight : (3,)
-            Body axis; any length but zero.
-        """
-        x = unit_vector("direction", direction)
-        b = unit_vector("boresight", boresight)
-        R = so3.quaternion_to_matrix(so3.minimal_rotation(b, x))
-        return cls(R, horizontal_rate(R, x, finite_array("velocity", velocity, (3,)), b))
-
-    @cached_property
-    def quaternion_xyzw(self) -> Array:
-        """Unit quaternion (4,) of the attitude, x, y, z, w."""
-        return frozen(so3.matrix_to_quaternion(self.orientation))
-
-
-def horizontal_rate(attitude: Array, direction: Array, velocity: Array, boresight: Array) -> Array:
-    """Body rate (3,) [rad/s] without roll that moves a direction (3,) with a velocity (3,).
-
-    Raises
-    ------
-    InvalidProblemError
-        The velocity is not tangent to the sphere at the direction.
-    """
-    radial = float(direction @ velocity)
-    if abs(radial) > _HORIZONTAL_TOLERANCE * max(1.0, float(np.linalg.norm(velocity))):
-        raise InvalidProblemError(
-            "velocity",
-            "expected a velocity tangent to the sphere at the direction, got a radial part of"
-            f" {radial:.6g} rad/s; subtract it",
-        )
-    rate = np.cross(boresight, attitude.T @ velocity)
-    return frozen(np.asarray(rate))
-
-
-@dataclass(frozen=True, eq=False)
 class Problem:
     """Minimise acceleration, tension and repulsion between two states.
 
@@ -137,9 +51,13 @@ class Problem:
 
     Parameters
     ----------
-    start, goal
-        End states. On S^2 only where the boresight points and how it moves is met at the goal;
-        the rates must be orthogonal to the boresight.
+    start
+        State at time 0.
+    goal
+        Where to arrive: a `State`, an `AttitudeGoal`, a `PointingGoal`, or a tuple of them, of
+        which the cheapest to reach is chosen. On S^2 a `State`, of which only where the
+        boresight points and how it moves is met; the rates of both ends must be orthogonal to
+        the boresight.
     duration
         T [s]; `"auto"` for the least within the limits, which `solve` then finds (until then
         the duration is infinite).
@@ -158,6 +76,9 @@ class Problem:
     total_momentum : (3,)
         Angular momentum of body and wheels together, in the reference frame [N m s]; only the
         limits of wheels depend on it.
+    hold
+        For how long the attitude stays at the goal after the arrival [s], or goes on with it; on
+        SO(3).
 
     Attributes
     ----------
@@ -171,7 +92,7 @@ class Problem:
     """
 
     start: State
-    goal: State
+    goal: Goal | tuple[Goal, ...]
     duration: float
     space: Space = SO3
     tension: float | None = None
@@ -181,6 +102,7 @@ class Problem:
     name: str = ""
     limits: Limits | None = None
     total_momentum: Array = field(default_factory=lambda: np.zeros(3))
+    hold: float = 0.0
     forbidden: Forbidden = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -210,7 +132,11 @@ class Problem:
         set_field(self, "obstacles", forbidden.obstacles)
         if self.space == S2:
             self._check_horizontal("start", self.start)
-            self._check_horizontal("goal", self.goal)
+        set_field(self, "hold", non_negative_number("hold", self.hold))
+        if not self.goals:
+            raise InvalidProblemError("goal.any_of", "expected at least one goal")
+        for i, goal in enumerate(self.goals):
+            self._check_goal(f"goal.any_of[{i}]" if isinstance(self.goal, tuple) else "goal", goal)
 
     def _checked_duration(self) -> float:
         given: object = self.duration
@@ -230,15 +156,77 @@ class Problem:
             )
         return math.inf
 
+    def _check_goal(self, key: str, goal: object) -> None:
+        if not isinstance(goal, Goal):
+            raise InvalidProblemError(
+                key,
+                f"expected a State, AttitudeGoal or PointingGoal, got {type(goal).__name__}",
+            )
+        if self.space == S2:
+            if not isinstance(goal, State):
+                raise InvalidProblemError(
+                    key, f"{type(goal).__name__} needs space so3; on s2 give a State"
+                )
+            self._check_horizontal(key, goal)
+        if self.hold > 0.0 and self.space == S2:
+            raise InvalidProblemError("hold", "needs space so3; on s2 leave it out")
+        if self.hold > 0.0 and isinstance(goal, State) and np.any(goal.angular_velocity):
+            raise InvalidProblemError(
+                "hold",
+                f"{key} has an angular velocity, with which no attitude is held; give a goal with"
+                " a rate, which the hold goes on with, or one at rest",
+            )
+
     def _check_horizontal(self, key: str, state: State) -> None:
         roll = float(self.boresight @ state.angular_velocity)
         scale = max(1.0, float(np.linalg.norm(state.angular_velocity)))
-        if abs(roll) > _HORIZONTAL_TOLERANCE * scale:
+        if abs(roll) > HORIZONTAL_TOLERANCE * scale:
             raise InvalidProblemError(
                 f"{key}.angular_velocity",
                 f"on s2 the rate must be orthogonal to the boresight, got a roll of {roll:.6g}"
                 " rad/s; subtract it",
             )
+
+    @property
+    def goals(self) -> tuple[Goal, ...]:
+        """The goals of which one is reached; mostly one alone."""
+        return self.goal if isinstance(self.goal, tuple) else (self.goal,)
+
+    def with_goal(self, index: int) -> Problem:
+        """The problem with one of its goals alone."""
+        return replace(self, goal=self.goals[index])
+
+    @cached_property
+    def arrival(self) -> State:
+        """State at the arrival; where the roll is free, one of those allowed.
+
+        Raises
+        ------
+        ValueError
+            There are several goals: take one by `with_goal`. Or the goal moves, and the duration
+            is yet to be found.
+        """
+        if len(self.goals) > 1:
+            raise ValueError("the problem has several goals: take one by with_goal")
+        goal = self.goals[0]
+        if goal.moves and self.has_auto_duration:
+            raise ValueError("where a moving goal is met is known once its duration is")
+        return goal.arrival(self.duration if goal.moves else 0.0)
+
+    @property
+    def roll_axis(self) -> Array | None:
+        """Body axis (3,) about which the attitude at the arrival is free; None where it is not."""
+        return self.goals[0].roll_axis if len(self.goals) == 1 else None
+
+    def goal_near(self, attitude: Array) -> int:
+        """Index of the goal that an attitude (3, 3) at the arrival is nearest to."""
+        states = [_nearest(goal, self.duration, attitude) for goal in self.goals]
+        distances = [float(so3.distance(state.orientation, attitude)) for state in states]
+        return distances.index(min(distances))
+
+    def arrival_near(self, attitude: Array) -> State:
+        """Of the states in which a slew may arrive the one nearest to an attitude (3, 3)."""
+        return _nearest(self.goals[self.goal_near(attitude)], self.duration, attitude)
 
     @property
     def has_auto_duration(self) -> bool:
@@ -264,3 +252,15 @@ class Problem:
         """
         margins = self.forbidden.margins(attitude, time)
         return {name: float(margin) for name, margin in margins.items()}
+
+
+def _nearest(goal: Goal, time: float, attitude: Array) -> State:
+    """Of the states that meet a goal at a time the one nearest to an attitude (3, 3)."""
+    state = goal.arrival(time)
+    if goal.roll_axis is None:
+        return state
+    x, y, z, w = so3.matrix_to_quaternion(state.orientation.T @ attitude)
+    # The turn about b whose remainder is least: the twist of the relative quaternion.
+    roll = 2.0 * math.atan2(float(goal.roll_axis @ (x, y, z)), w)
+    turned = so3.exp(roll * goal.roll_axis)
+    return State(state.orientation @ turned, turned.T @ state.angular_velocity)

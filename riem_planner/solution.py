@@ -77,6 +77,11 @@ class Solution:
         Newton iterations of both stages, over all classes that were tried.
     solve_time
         Duration of the solve by a steady clock [s].
+    hold
+        How the attitude goes on after the arrival, its time counted from there; None where the
+        problem asks for no hold.
+    goal_index
+        Which of several goals was reached, from 0; None where the problem has one.
     notes
         Remarks a user should read: use of the potential beyond its convex neighbourhood, a
         tolerance that was not reached.
@@ -94,6 +99,8 @@ class Solution:
     alternatives: tuple[Alternative, ...] = ()
     iterations: int = 0
     solve_time: float = 0.0
+    hold: Trajectory | None = None
+    goal_index: int | None = None
     notes: tuple[str, ...] = field(default=())
 
     @property

@@ -16,6 +16,8 @@ from riem_planner.certificate import Certificate, certify
 from riem_planner.duration import advised, solve_auto
 from riem_planner.errors import PlanningError
 from riem_planner.geometry import so3
+from riem_planner.goals import PointingGoal
+from riem_planner.hold import contact, hold_trajectory
 from riem_planner.kernels import announced
 from riem_planner.limits import Limits
 from riem_planner.obstacles import OrientationObstacle, Zone
@@ -25,6 +27,7 @@ from riem_planner.solution import Alternative, Solution, Status
 from riem_planner.solver import shooting
 from riem_planner.solver.curves import crosses_cut, shift_end
 from riem_planner.solver.descent import positive_definite
+from riem_planner.solver.ends import settled
 from riem_planner.solver.extremal import Extremal, extremal_near
 from riem_planner.solver.search import (
     WORTHLESS,
@@ -51,6 +54,7 @@ _INERTIA_NODES = 100  # about as many as decide whether an extremal is a minimum
 # On S^2: rate about the boresight between samples [rad/s], where in an interval a quintic's is
 # greatest, and how often samples are doubled for it.
 _MOST_ROLL, _ROLLS_AT, _MOST_DOUBLINGS = 6e-10, 0.5 + np.array([-0.5, 0.5]) / np.sqrt(5.0), 3
+_TOLD_ANGLE = np.radians(1e-3)  # of a second axis, below which its direction counts as met
 _CUT_SAMPLES = 100  # an interval, for the part of the cost that rounding the cut locus hides
 _NOTE_FAMILY = (
     "one of many ways of nearly equal cost round an obstacle; which of them is cheapest was not"
@@ -137,13 +141,19 @@ def solve(
     def fixed(problem: Problem, near: Trajectory | None, *, local: bool = False) -> Solution:
         return _solve(problem, watch, tolerance, near or warm_start, local or search == "local")
 
-    try:
+    def single(problem: Problem) -> Solution:
         if problem.has_auto_duration:
-            solution = solve_auto(problem, fixed)
+            return solve_auto(problem, fixed)
+        solution = fixed(problem, None)
+        if solution.status is Status.LIMITS_EXCEEDED:
+            solution = advised(problem, solution, fixed)
+        return solution
+
+    try:
+        if isinstance(problem.goal, tuple):
+            solution = _of_several(problem, single)
         else:
-            solution = fixed(problem, None)
-            if solution.status is Status.LIMITS_EXCEEDED:
-                solution = advised(problem, solution, fixed)
+            solution = single(problem)
     except InterruptedSolveError as interruption:
         status = interruption.status
         what = "the deadline passed" if status is Status.OUT_OF_TIME else "cancelled"
@@ -154,6 +164,39 @@ def solve(
         )
     # Of the whole request, however many solves it took and however it ended.
     return replace(solution, iterations=watch.iterations, solve_time=watch.elapsed)
+
+
+def _of_several(problem: Problem, single: Callable[[Problem], Solution]) -> Solution:
+    """The cheapest of the solutions for each goal; where the duration is automatic, the shortest.
+
+    Goals in a zone drop out with a note.
+    """
+    found = [single(problem.with_goal(i)) for i in range(len(problem.goals))]
+    notes = [
+        f"goal.any_of[{i}] drops out: {solution.message}"
+        for i, solution in enumerate(found)
+        if solution.status is Status.GOAL_IN_ZONE
+    ]
+    solved = [i for i, solution in enumerate(found) if solution.trajectory is not None]
+    if not solved:
+        # What stands against a goal that is no mistake says more than that others are in a zone.
+        refused = [s for s in found if s.status is not Status.GOAL_IN_ZONE] or found
+        told = "; ".join(f"goal.any_of[{i}]: {s.message}" for i, s in enumerate(found))
+        return replace(refused[0], message=told)
+
+    def expense(i: int) -> float:
+        trajectory = found[i].trajectory
+        assert trajectory is not None  # it is one of the solved
+        return trajectory.duration if problem.has_auto_duration else found[i].cost
+
+    best = min(solved, key=expense)
+    chosen = found[best]
+    return replace(
+        chosen,
+        message="; ".join([chosen.message, *notes]),
+        notes=(*chosen.notes, *notes),
+        goal_index=best,
+    )
 
 
 def plan(problem: Problem, **options: Any) -> Trajectory:
@@ -210,9 +253,10 @@ def _load_kernels() -> None:
         _solve(problem, Watch(None, None), 1e-8, solution.trajectory, True)
     # What only few problems need.
     setup = set_up(problem)
-    shift_end(1.0, np.array([0.0, 1.0]), np.ones((2, 13)), setup.goal)
+    shift_end(1.0, np.array([0.0, 1.0]), np.ones((2, 13)), setup.goal[:7])
     margins_along(setup.table, 0.0, np.ones((1, 4)))
     follow_turns(np.ones(4), *np.zeros((3, 1, 3)))
+    settled(setup.goal, np.ones(4))
 
 
 def _solve(
@@ -233,21 +277,22 @@ def _solve(
 
 
 def _end_in_zone(problem: Problem, setup: Setup) -> Solution | None:
-    ends = (
-        (Status.START_IN_ZONE, "start", problem.start, setup.start, 0.0),
-        (Status.GOAL_IN_ZONE, "goal", problem.goal, setup.goal, 1.0),
-    )
-    for status, key, state, end, time in ends:
-        if np.all(row_margins(setup.table, time, end) > 0.0):
-            continue
-        for name, margin in problem.margins(state.orientation, time * problem.duration).items():
+    if not np.all(row_margins(setup.table, 0.0, setup.start) > 0.0):
+        status = Status.START_IN_ZONE
+        for name, margin in problem.margins(problem.start.orientation).items():
             if margin <= 0.0:
                 return Solution(
                     status,
-                    f"the {key} is {np.degrees(-margin):.4g} degrees inside the forbidden set of"
+                    f"the start is {np.degrees(-margin):.4g} degrees inside the forbidden set of"
                     f" {name!r}; {status.advice}",
                 )
-    return None
+    if problem.hold == 0.0 and np.all(row_margins(setup.table, 1.0, setup.goal) > 0.0):
+        return None
+    found = contact(problem)
+    if found is None:
+        return None
+    status = Status.GOAL_IN_ZONE
+    return Solution(status, f"{found.sentence(problem.duration)}; {status.advice}")
 
 
 def _best(
@@ -295,6 +340,7 @@ def _best(
     notes = []
     if crosses_cut(setup.table, best.times, best.states).any():
         notes.append(_NOTE_CUT)
+    notes += _goal_notes(problem)
     converged = best.error <= tolerance and best.cost_error <= tolerance
     if not np.isfinite(best.error):
         notes.append(_NOTE_FAMILY)
@@ -314,8 +360,18 @@ def _best(
         local_minimum=_is_minimum(setup, best),
         converged=converged,
         alternatives=alternatives,
+        hold=hold_trajectory(problem, trajectory),
         notes=tuple(notes),
     )
+
+
+def _goal_notes(problem: Problem) -> list[str]:
+    """What a user should know of a goal that can't be met as it is stated."""
+    goal = problem.goals[0]
+    left = goal.remaining_angle(problem.duration) if isinstance(goal, PointingGoal) else 0.0
+    if left <= _TOLD_ANGLE:
+        return []
+    return [f"goal.second: {np.degrees(left):.4g} degrees are left to its direction"]
 
 
 def _extremal(
@@ -351,7 +407,7 @@ def _is_minimum(setup: Setup, extremal: Extremal) -> bool:
         times, q = extremal.times[keep], np.ascontiguousarray(extremal.states[keep, :4])
         if positive_definite(
             setup.pointing, setup.table, setup.sigma, times, setup.with_goal(q),
-            setup.start[4:], setup.goal[4:],
+            setup.start[4:], setup.goal,
         ):  # fmt: skip
             return True
     return False
@@ -417,7 +473,7 @@ def _denser(
 def _trajectory(problem: Problem, setup: Setup, times: Array, states: Array) -> Trajectory:
     T = problem.duration
     q, v, a = states[:, :4], states[:, 4:7] / T, states[:, 7:10] / T**2
-    if setup.pointing:
+    if setup.pointing or setup.free_roll:
         back = so3.quaternion_to_matrix(setup.body).T
         q = so3.quaternion_multiply(q, so3.quaternion_conjugate(setup.body))
         v, a = v @ back, a @ back

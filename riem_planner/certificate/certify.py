@@ -7,11 +7,13 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from riem_planner.certificate import curve
+from riem_planner.certificate.after_arrival import with_hold
 from riem_planner.certificate.clearance import certify_clearance
 from riem_planner.certificate.extremality import extremality, invariant_drift
 from riem_planner.certificate.limit_use import certify_limits
+from riem_planner.geometry import so3
 from riem_planner.limits import Limits
-from riem_planner.problem import S2, Problem
+from riem_planner.problem import S2, Problem, State
 from riem_planner.trajectory import Trajectory
 
 ATTITUDE_TOLERANCE = 1e-6
@@ -106,7 +108,8 @@ def certify(
     """
     if problem.has_auto_duration:
         problem = replace(problem, duration=trajectory.duration)
-    start, goal = problem.start, problem.goal
+    start = problem.start
+    goal = problem.arrival_near(so3.quaternion_to_matrix(trajectory.quaternions_xyzw[-1]))
     figures = curve.examine_curve(
         trajectory.times,
         trajectory.quaternions_xyzw,
@@ -117,11 +120,11 @@ def certify(
         problem.boresight,
         problem.space == S2,
     ).tolist()
-    cleared = certify_clearance(trajectory, problem.forbidden)
+    cleared = with_hold(certify_clearance(trajectory, problem.forbidden), trajectory, problem)
     within = certify_limits(
         trajectory, problem.limits if limits is None else limits, problem.total_momentum
     )
-    reasons = _refusals(figures, trajectory, problem) + cleared.reasons
+    reasons = _refusals(figures, trajectory, problem, goal) + cleared.reasons
     return Certificate(
         certified=not reasons and not within.reasons,
         reasons=reasons + within.reasons,
@@ -139,7 +142,9 @@ def certify(
     )
 
 
-def _refusals(figures: list[float], trajectory: Trajectory, problem: Problem) -> tuple[str, ...]:
+def _refusals(
+    figures: list[float], trajectory: Trajectory, problem: Problem, goal: State
+) -> tuple[str, ...]:
     """Sentences for what is wrong with the curve itself."""
     if not figures[curve.FINITE]:
         return ("the trajectory has values that are not finite",)
@@ -163,13 +168,13 @@ def _refusals(figures: list[float], trajectory: Trajectory, problem: Problem) ->
             " not account for its turn to the next sample"
         )
     largest = 1.0 + figures[curve.RATE]
-    for key, angle, rate in (
-        ("start", curve.START, curve.START_RATE),
-        ("goal", curve.GOAL, curve.GOAL_RATE),
+    for key, state, angle, rate in (
+        ("start", problem.start, curve.START, curve.START_RATE),
+        ("goal", goal, curve.GOAL, curve.GOAL_RATE),
     ):
         if not figures[angle] <= ATTITUDE_TOLERANCE:
             reasons.append(f"{key}: missed by {figures[angle]:.3g} rad")
-        speed = math.hypot(*getattr(problem, key).angular_velocity.tolist())
+        speed = math.hypot(*state.angular_velocity.tolist())
         if not figures[rate] <= RATE_TOLERANCE * (1.0 + speed):
             reasons.append(f"{key}: angular velocity missed by {figures[rate]:.3g} rad/s")
     if not figures[curve.ROLL] <= RATE_TOLERANCE * largest:

@@ -20,7 +20,9 @@ ACHIEVED = "achieved"
 def headline(problem: Problem, trajectory: Trajectory, values: Mapping[str, str]) -> str:
     """What was planned, from the values of its status, and whether it is certified here."""
     certificate = certify(trajectory, problem)
-    angle = math.degrees(float(so3.distance(problem.start.orientation, problem.goal.orientation)))
+    angle = math.degrees(
+        float(so3.distance(problem.start.orientation, problem.arrival.orientation))
+    )
     verdict = "certified" if certificate.certified else "; ".join(certificate.reasons)
     return (
         f"a turn by {angle:.1f} deg in {trajectory.duration:g} s, cost"

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from riem_planner.duration.search import (
     MARGIN,
@@ -20,6 +21,8 @@ from riem_planner.limits import KEYS, MOMENTUM, POWERS, RATE, WHEEL_MOMENTUM, Li
 from riem_planner.problem import S2, Problem
 from riem_planner.solution import Solution, Status
 from riem_planner.solver.watch import InterruptedSolveError
+
+Array = NDArray[np.float64]
 
 _LEAST_ESTIMATE, _GREATEST_ESTIMATE = 1e-6, 1e8  # s; what is searched stays a valid duration
 _ROLLS = 360
@@ -81,10 +84,10 @@ def least_duration(problem: Problem, solve: Solve) -> LeastDuration:
     limits = problem.limits
     if limits is None:
         raise ValueError("the least duration needs limits; the problem has none")
-    failure = _broken_at_ends(problem, limits)
+    free = replace(problem, limits=None, duration=1.0)
+    failure = _broken_at_ends(free, limits)
     if failure is not None:
         return LeastDuration(math.inf, failure=failure)
-    free = replace(problem, limits=None, duration=1.0)
     estimate = _estimate(free, limits)
     if estimate == 0.0:
         if not (free.obstacles and _scales(free)):
@@ -119,12 +122,10 @@ def _sentence(found: LeastDuration) -> str:
 
 def _broken_at_ends(problem: Problem, limits: Limits) -> Solution | None:
     """Refusal if the rate asked for at an end is more than the limits allow."""
-    starts, goals = problem.start.angular_velocity[None], problem.goal.angular_velocity[None]
-    if problem.space == S2:
-        # The roll at the arrival is free, and with it the axes that the rate is about.
-        rolls = np.linspace(0.0, 2.0 * math.pi, _ROLLS, endpoint=False)
-        goals = goals[0] @ so3.exp(rolls[:, None] * np.asarray(problem.boresight))
-    for key, state, rates in (("start", problem.start, starts), ("goal", problem.goal, goals)):
+    ends = [("start", problem.start, problem.start.angular_velocity[None])]
+    if not problem.goals[0].moves:  # else its rate depends on the duration
+        ends.append(("goal", problem.arrival, _arrival_rates(problem)))
+    for key, state, rates in ends:
         h = state.orientation.T @ problem.total_momentum
         parts = np.array([limits.parts(rate, np.zeros(3), h=h) for rate in rates])
         for row in (RATE, MOMENTUM, WHEEL_MOMENTUM):
@@ -138,11 +139,24 @@ def _broken_at_ends(problem: Problem, limits: Limits) -> Solution | None:
     return None
 
 
+def _arrival_rates(problem: Problem) -> Array:
+    """Body rates (n, 3) that the goal allows: where its roll is free, of many rolls."""
+    rate = problem.arrival.angular_velocity
+    axis = problem.boresight if problem.space == S2 else problem.roll_axis
+    if axis is None:
+        return rate[None]
+    rolls = np.linspace(0.0, 2.0 * math.pi, _ROLLS, endpoint=False)
+    return np.asarray(rate @ so3.exp(rolls[:, None] * np.asarray(axis)))
+
+
 def _scales(problem: Problem) -> bool:
     """Whether the path is the same for every duration."""
+    held_free = problem.hold > 0.0 and problem.roll_axis is not None
     return (
         not np.any(problem.start.angular_velocity)
-        and not np.any(problem.goal.angular_velocity)
+        and not problem.goals[0].moves
+        and not np.any(problem.arrival.angular_velocity)
+        and not held_free
         and not problem.tension
         and not np.any(problem.total_momentum)
         and not problem.forbidden.moving
@@ -152,10 +166,11 @@ def _scales(problem: Problem) -> bool:
 
 def _estimate(problem: Problem, limits: Limits) -> float:
     """Duration that the straight cubic would need [s]; 0 where nothing has to move."""
-    R_0, R_1 = problem.start.orientation, problem.goal.orientation
-    v_0, v_1 = problem.start.angular_velocity, problem.goal.angular_velocity
-    if problem.space == S2:
-        x, y = R_0 @ problem.boresight, R_1 @ problem.boresight
+    R_0, R_1 = problem.start.orientation, problem.arrival.orientation
+    v_0, v_1 = problem.start.angular_velocity, problem.arrival.angular_velocity
+    axis = problem.boresight if problem.space == S2 else problem.roll_axis
+    if axis is not None:
+        x, y = R_0 @ axis, R_1 @ axis
         turn = R_0.T @ so3.quaternion_log(so3.minimal_rotation(x, y))
     else:
         turn = so3.log(R_0.T @ R_1)

@@ -181,9 +181,8 @@ def _followed(trials: _Trials, kept: _Trial) -> _Trial:
 def _hopeless(free: Problem, trials: list[_Trial]) -> bool:
     """Whether longer durations are not worth trying."""
     status = trials[-1].solution.status
-    if status is Status.START_IN_ZONE or (
-        status is Status.GOAL_IN_ZONE and not free.forbidden.moving
-    ):
+    moving = free.forbidden.moving or free.goals[0].moves
+    if status is Status.START_IN_ZONE or (status is Status.GOAL_IN_ZONE and not moving):
         return True
     last = trials[-_MOST_FAILURES:]
     failures = len(last) == _MOST_FAILURES and all(trial.trajectory is None for trial in last)
@@ -211,9 +210,9 @@ def _no_duration(free: Problem, trials: list[_Trial]) -> Solution:
 def _start_of_search(problem: Problem, estimate: float) -> float:
     """A duration below the least one that is likely [s]."""
     speed = max(
-        float(np.linalg.norm(state.angular_velocity)) for state in (problem.start, problem.goal)
+        float(np.linalg.norm(state.angular_velocity)) for state in (problem.start, problem.arrival)
     )
     if speed == 0.0:
         return 0.5 * estimate
-    angle = float(so3.distance(problem.start.orientation, problem.goal.orientation))
+    angle = float(so3.distance(problem.start.orientation, problem.arrival.orientation))
     return 0.5 * min(estimate, max(angle / speed, 1e-3 * estimate))

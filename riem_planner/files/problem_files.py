@@ -302,7 +302,7 @@ def _range(section: Section, radius_deg: float, size: str) -> tuple[float, float
 def _check_end_states(problem: Problem, top: Section) -> None:
     """Refuse a start or a goal inside a zone; a goal's zones stand where they are at the end."""
     arrival = problem.duration if problem.forbidden.moving else 0.0
-    ends = [("start", problem.start, 0.0), ("goal", problem.goal, arrival)]
+    ends = [("start", problem.start, 0.0), ("goal", problem.arrival, arrival)]
     if math.isinf(arrival):
         ends.pop()  # where the zones will be is not known yet
     for key, state, time in ends:

@@ -22,7 +22,7 @@ def problem_document(problem: Problem) -> dict[str, Any]:
         document["normalized_tension"] = problem.normalized_tension
     else:
         document["tension"] = problem.sigma
-    for key, state in (("start", problem.start), ("goal", problem.goal)):
+    for key, state in (("start", problem.start), ("goal", problem.arrival)):
         document[key] = {
             "orientation": state.quaternion_xyzw.tolist(),
             "angular_velocity": state.angular_velocity.tolist(),

@@ -117,7 +117,7 @@ def _data(
         "notes": list(solution.notes),
         "duration": duration if math.isfinite(duration) else 0.0,
         "start": problem.start.quaternion_xyzw.tolist(),
-        "goal": problem.goal.quaternion_xyzw.tolist(),
+        "goal": problem.arrival.quaternion_xyzw.tolist(),
         "sets": [_forbidden(obstacle, duration) for obstacle in problem.obstacles],
         "wall": list(getattr(solution, "wall", ())),
         "limits": _limits(problem),

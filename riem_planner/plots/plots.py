@@ -90,7 +90,7 @@ def plan_figure(
 
 
 def _title(problem: Problem, certificate: Certificate) -> str:
-    start, goal = problem.start.orientation, problem.goal.orientation
+    start, goal = problem.start.orientation, problem.arrival.orientation
     what = "attitude" if problem.space.name == "so3" else "pointing"
     if what == "attitude":
         angle = float(so3.distance(start, goal))

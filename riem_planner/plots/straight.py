@@ -13,8 +13,8 @@ def straight_slew(problem: Problem, samples: int = 201) -> Trajectory:
     """Shortest rotation from start to goal, from rest to rest.
 
     About one axis, by the angle `theta (3 s^2 - 2 s^3)` with `s = t / T`: the extremal of the
-    problem without obstacles and tension between states of rest. On S^2 the shortest way of
-    the boresight.
+    problem without obstacles and tension between states of rest. On S^2, and where the
+    roll at the end is free, the shortest way of the boresight.
 
     Parameters
     ----------
@@ -24,13 +24,14 @@ def straight_slew(problem: Problem, samples: int = 201) -> Trajectory:
         Number of evenly spaced samples.
     """
     q = problem.start.quaternion_xyzw
-    if problem.space == S2:
-        ends = (state.orientation @ problem.boresight for state in (problem.start, problem.goal))
+    axis = problem.boresight if problem.space == S2 else problem.roll_axis
+    if axis is not None:
+        ends = (state.orientation @ axis for state in (problem.start, problem.arrival))
         turn_reference = so3.quaternion_log(so3.minimal_rotation(*ends))
         turn = problem.start.orientation.T @ turn_reference
     else:
         turn = so3.quaternion_log(
-            so3.quaternion_multiply(so3.quaternion_conjugate(q), problem.goal.quaternion_xyzw)
+            so3.quaternion_multiply(so3.quaternion_conjugate(q), problem.arrival.quaternion_xyzw)
         )
     T = problem.duration
     s = np.linspace(0.0, 1.0, samples)[:, None]

@@ -8,6 +8,7 @@ from riem_planner.geometry.quaternions import ratio, relative, tilt, turn
 from riem_planner.kernels import brief_kernel, inlined, kernel
 from riem_planner.obstacles.potential import CUT_WIDTH, potential, towards
 from riem_planner.obstacles.table import GROUP, RADIUS, RANGE_ON, RATE
+from riem_planner.solver.ends import FIXED, arrival_rate
 
 _PARTS = 8  # of an interval, where obstacles are looked for
 _NEAR = 1.2  # rad from its edge, within which an obstacle has another side worth a try
@@ -66,8 +67,10 @@ def mesh_and_states(pointing, table, times, q, start, goal, interval, least, mos
     times : (N + 1,)
     q : (N + 1, 4)
         Attitudes; on S^2 roll-free.
-    start, goal : (7,)
+    start : (7,)
         Quaternion and body rate.
+    goal : (7,) or longer
+        See `ends`; where its roll is free, the curve's last attitude has that of the end.
     interval
         Share of the integral that one interval spans.
     least, most
@@ -154,9 +157,13 @@ def mesh_and_states(pointing, table, times, q, start, goal, interval, least, mos
         sign += states[M, i] * goal[i]
     for i in range(3):
         states[0, 4 + i] = start[4 + i]
-        if not pointing:
+    if not pointing and goal.size > FIXED:
+        for i in range(4):
+            states[M, i] = q[n, i]
+        states[M, 4], states[M, 5], states[M, 6] = arrival_rate(goal, q[n])
+    elif not pointing:
+        for i in range(3):
             states[M, 4 + i] = goal[4 + i]
-    if not pointing:
         for i in range(4):
             states[M, i] = goal[i] if sign > 0.0 else -goal[i]
     return mesh, states
@@ -184,10 +191,10 @@ def guess(q_start, rate_start, xi_end, rate_end, times, q):
 
 @brief_kernel
 def meet_ends(pointing, start, goal, times, q):
-    """Turn a curve (N + 1, 4) smoothly to meet a start and a goal (7,), in place."""
+    """Turn a curve (N + 1, 4) smoothly to meet a start (7,) and a goal, in place."""
     at_start, at_goal, delta = np.empty(3), np.empty(3), np.empty(3)
     relative(q[0], start, at_start)
-    if pointing:
+    if pointing or goal.size > FIXED:
         to_goal = np.empty(4)
         ratio(q[-1], goal, to_goal)
         x, y = tilt(to_goal)

@@ -9,7 +9,8 @@ lengths count twice (metric weight 4), or the pointing direction for S^2 (weight
 
 so that the kinetic cost is a polynomial in the inner products of neighbours, with an exact
 Hessian: a block pentadiagonal matrix with 3x3 blocks in the body perturbations
-`R_k exp(hat(delta_k))`. On S^2 the third component (roll) is left alone.
+`R_k exp(hat(delta_k))`. On S^2 the third component (roll) is left alone. Both end nodes are
+fixed, but for the third component of the last one where the goal's roll is free.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from riem_planner.geometry.quaternions import turn
 from riem_planner.kernels import brief_kernel, inlined, kernel
 from riem_planner.obstacles.potential import potential
+from riem_planner.solver.ends import FIXED, arrival_rate, hold_terms
 
 _MAX_STEP = 0.7  # rad a node may move in one iteration
 _ARMIJO = 1e-4
@@ -106,7 +108,7 @@ def _add_outer(H, factor, a, b):
 
 
 @kernel
-def assemble(pointing, table, sigma, times, q, rate_start, rate_end, soft, gradient, D, L1, L2):
+def assemble(pointing, table, sigma, times, q, rate_start, goal, soft, gradient, D, L1, L2):
     """Discretised cost of a curve with its gradient and Hessian by the interior nodes.
 
     Parameters
@@ -120,8 +122,11 @@ def assemble(pointing, table, sigma, times, q, rate_start, rate_end, soft, gradi
     times : (N + 1,)
     q : (N + 1, 4)
         Attitudes.
-    rate_start, rate_end : (3,)
-        Body rates at both ends.
+    rate_start : (3,)
+        Body rate at the start.
+    goal : (7,) or longer
+        See `ends`: where the roll at the end is free, the last node's third component, a turn
+        about e3, is an unknown as well.
     soft
         See `potential`.
     gradient : (N + 1, 3)
@@ -148,15 +153,16 @@ def assemble(pointing, table, sigma, times, q, rate_start, rate_end, soft, gradi
     ga, gb, gc = np.empty(3), np.empty(3), np.empty(3)
     total = 0.0
 
-    velocity = np.empty(4)
+    free = not pointing and goal.size > FIXED
+    velocity, rolled = np.empty(4), np.empty(4)
     for end in range(2):
         # f = (w / h^3) |P_0 x_1 -+ h x_0'|^2 at either end; the end node itself is fixed.
         k, other = (0, 1) if end == 0 else (n, n - 1)
-        rate = rate_start if end == 0 else rate_end
+        v0, v1, v2 = rate_start[0], rate_start[1], rate_start[2]
+        if end == 1:
+            v0, v1, v2 = arrival_rate(goal, q[n]) if free else (goal[4], goal[5], goal[6])
         for i in range(4):
-            velocity[i] = (
-                basis[k, i, 0] * rate[0] + basis[k, i, 1] * rate[1] + basis[k, i, 2] * rate[2]
-            )
+            velocity[i] = basis[k, i, 0] * v0 + basis[k, i, 1] * v1 + basis[k, i, 2] * v2
         h = abs(times[other] - times[k])
         turn = h if end == 0 else -h
         c = _dot(x[k], x[other])
@@ -169,6 +175,19 @@ def assemble(pointing, table, sigma, times, q, rate_start, rate_end, soft, gradi
             gradient[other, i] += factor * (-2.0 * c * ga[i] - 2.0 * turn * gb[i])
         _add_outer(D[other], -2.0 * factor, ga, ga)
         diagonal[other] += factor * (2.0 * c * c + 2.0 * turn * slope)
+        if free and end == 1:
+            # A roll turns the last node and its velocity, which the reference frame prescribes.
+            rolled[0], rolled[1] = 0.5 * velocity[1], -0.5 * velocity[0]
+            rolled[2], rolled[3] = 0.5 * velocity[3], -0.5 * velocity[2]
+            c_1 = _dot(basis[n, :, 2], x[other])
+            _pull(basis[other], basis[n, :, 2], gb)
+            _pull(basis[other], rolled, gc)
+            gradient[n, 2] += factor * (-2.0 * c * c_1 - 2.0 * turn * _dot(rolled, x[other]))
+            D[n, 2, 2] += factor * (0.5 * c * c - 2.0 * c_1 * c_1 + 0.5 * turn * slope)
+            for i in range(3):
+                L1[other, 2, i] += factor * (
+                    -2.0 * c_1 * ga[i] - 2.0 * c * gb[i] - 2.0 * turn * gc[i]
+                )
 
     for k in range(1, n):
         h_m, h_p = times[k] - times[k - 1], times[k + 1] - times[k]
@@ -256,9 +275,38 @@ def assemble(pointing, table, sigma, times, q, rate_start, rate_end, soft, gradi
             D[k, 2, 2] = 1.0
     for k in (0, n):
         h = times[1] - times[0] if k == 0 else times[n] - times[n - 1]
-        V = potential(table, times[k], q[k, 0], q[k, 1], q[k, 2], q[k, 3], soft)[0]
+        V, _, _, g2, _, _, h22, _, _, _ = potential(
+            table, times[k], q[k, 0], q[k, 1], q[k, 2], q[k, 3], soft
+        )
         total += 0.25 * h * V
+        if free and k == n:
+            gradient[n, 2] += 0.25 * h * g2
+            D[n, 2, 2] += 0.25 * h * h22 + scale * diagonal[n]
+    if free:
+        total += _free_end(table, goal, q[n], gradient, D, L1, L2)
     return total
+
+
+@inlined
+def _free_end(table, goal, end, gradient, D, L1, L2):
+    """Add the hold, whose cost comes back; of the last node nothing but the roll is unknown."""
+    n = gradient.shape[0] - 1
+    cost, slope, curvature = hold_terms(table, goal, end)
+    gradient[n, 0] = gradient[n, 1] = 0.0
+    gradient[n, 2] += slope
+    D[n, 2, 2] += curvature
+    for i in range(2):
+        for j in range(3):
+            D[n, i, j] = D[n, j, i] = 0.0
+            L1[n - 1, i, j] = L2[n - 2, i, j] = 0.0
+        D[n, i, i] = 1.0
+    return cost
+
+
+@inlined
+def _unknowns_end(pointing, goal, n):
+    """One past the last node with unknowns."""
+    return n + 1 if not pointing and goal.size > FIXED else n
 
 
 @brief_kernel
@@ -266,7 +314,8 @@ def kinetic_stencil(times, stencil):
     """Pentadiagonal (N + 1, 3) second-variation of the acceleration in flat space.
 
     Rows k hold the entries (k, k), (k + 1, k), (k + 2, k): the metric in which indefinite
-    Hessians are shifted.
+    Hessians are shifted. The last node, of which at most the roll is unknown, stands alone, with
+    the cost of a cubic to it.
     """
     n = times.size - 1
     stencil[:, :] = 0.0
@@ -283,6 +332,8 @@ def kinetic_stencil(times, stencil):
         stencil[k - 1, 1] += mean * beta * gamma
         stencil[k, 1] += mean * gamma * alpha
         stencil[k - 1, 2] += mean * beta * alpha
+    stencil[n - 1, 1] = stencil[n - 2, 2] = 0.0
+    stencil[n, 0] = 12.0 / (times[n] - times[0]) ** 3
 
 
 @kernel
@@ -369,7 +420,7 @@ def substitute(first, last, C, M1, M2, rhs):
 
 @kernel
 def descend(
-    pointing, table, sigma, times, q, rate_start, rate_end, soft, tolerance, side, most, memory,
+    pointing, table, sigma, times, q, rate_start, goal, soft, tolerance, side, most, memory,
     stop,
 ):  # fmt: skip
     """Newton descent on the discretised cost, in place.
@@ -396,6 +447,7 @@ def descend(
         Whether the tolerance was met at a point with a positive definite Hessian.
     """
     n = q.shape[0] - 1
+    last = _unknowns_end(pointing, goal, n)
     m = 3 * (n + 1)
     kept = memory[_DERIVATIVES:]
     gradient = kept[:m].reshape(n + 1, 3)
@@ -412,7 +464,7 @@ def descend(
     if memory[_ASSEMBLED] == 0.0:
         memory[_ASSEMBLED] = 1.0
         memory[_COST] = assemble(
-            pointing, table, sigma, times, q, rate_start, rate_end, soft, gradient, D, L1, L2
+            pointing, table, sigma, times, q, rate_start, goal, soft, gradient, D, L1, L2
         )
     cost = memory[_COST]
     if not cost < np.inf:
@@ -420,26 +472,26 @@ def descend(
     for iteration in range(most):
         if stop[0] != 0:
             return cost, iteration, False
-        while not factor(1, n, D, L1, L2, C, N1, N2, memory[_SHIFT], stencil):
+        while not factor(1, last, D, L1, L2, C, N1, N2, memory[_SHIFT], stencil):
             memory[_SHIFT] = max(3.0 * memory[_SHIFT], _FIRST_SHIFT)
             if memory[_SHIFT] > 1e9:
                 return cost, iteration, False
-        for k in range(1, n):
+        for k in range(1, last):
             for i in range(3):
                 step[k, i] = -gradient[k, i]
-        substitute(1, n, C, N1, N2, step)
+        substitute(1, last, C, N1, N2, step)
         slope, longest = _slope_and_length(gradient, step)
         if -slope <= 2.0 * tolerance * cost:
             if memory[_SHIFT] == 0.0:
                 return cost, iteration, True
             # A saddle: leave it along the softest direction, by inverse iteration.
             memory[_SHIFT] *= 0.5
-            if factor(1, n, D, L1, L2, C, N1, N2, 0.0, stencil):
+            if factor(1, last, D, L1, L2, C, N1, N2, 0.0, stencil):
                 memory[_SHIFT] = 0.0
                 continue
-            while not factor(1, n, D, L1, L2, C, N1, N2, memory[_SHIFT], stencil):
+            while not factor(1, last, D, L1, L2, C, N1, N2, memory[_SHIFT], stencil):
                 memory[_SHIFT] *= 2.0
-            _softest(pointing, n, C, N1, N2, step)
+            _softest(pointing, last, C, N1, N2, step)
             memory[SADDLES] += 1.0
             if memory[SADDLES] > _MOST_SADDLES:
                 return cost, iteration, False
@@ -447,10 +499,10 @@ def descend(
             for i in range(_RECENT):
                 memory[_COSTS + i] = 0.0
             scale = side * _SADDLE_STEP / longest
-            for k in range(1, n):
+            for k in range(1, last):
                 turn(q[k], step[k], scale, q[k])
             cost = assemble(
-                pointing, table, sigma, times, q, rate_start, rate_end, soft, gradient, D, L1, L2
+                pointing, table, sigma, times, q, rate_start, goal, soft, gradient, D, L1, L2
             )
             memory[_COST] = cost
             if not cost < np.inf:
@@ -465,10 +517,10 @@ def descend(
             for i in range(_RECENT):
                 bound = max(bound, memory[_COSTS + i])
         for _ in range(12):
-            for k in range(1, n):
+            for k in range(1, last):
                 turn(q[k], step[k], scale, trial[k])
             trial_cost = assemble(
-                pointing, table, sigma, times, trial, rate_start, rate_end, soft,
+                pointing, table, sigma, times, trial, rate_start, goal, soft,
                 trial_gradient, E, M1, M2,
             )  # fmt: skip
             if trial_cost <= bound + _ARMIJO * scale * slope:
@@ -482,7 +534,7 @@ def descend(
             if memory[_SHIFT] > 1e9:
                 return cost, iteration, False
             continue
-        for k in range(1, n):
+        for k in range(1, last):
             for i in range(4):
                 q[k, i] = trial[k, i]
         for i in range(_RECENT - 1):
@@ -508,14 +560,16 @@ def _slope_and_length(gradient, step):
 
 
 @inlined
-def _softest(pointing, n, C, M1, M2, step):
+def _softest(pointing, last, C, M1, M2, step):
     """Direction of least curvature, by inverse iteration with the factors, from a fixed start."""
+    n = step.shape[0] - 1
     for k in range(n + 1):
-        inside = 1.0 if 0 < k < n else 0.0
-        step[k, 0], step[k, 1] = inside, 0.7 * inside
+        inside = 1.0 if 0 < k < last else 0.0
+        across = inside if k < n else 0.0  # of the last node the roll alone is unknown
+        step[k, 0], step[k, 1] = across, 0.7 * across
         step[k, 2] = 0.0 if pointing else 0.4 * inside
     for _ in range(6):
-        substitute(1, n, C, M1, M2, step)
+        substitute(1, last, C, M1, M2, step)
         size = 0.0
         for k in range(n + 1):
             for i in range(3):
@@ -526,17 +580,16 @@ def _softest(pointing, n, C, M1, M2, step):
 
 
 @kernel
-def positive_definite(pointing, table, sigma, times, q, rate_start, rate_end):
+def positive_definite(pointing, table, sigma, times, q, rate_start, goal):
     """Whether the second variation of the discretised cost is positive definite at a curve.
 
     By Sylvester's law the Cholesky factorisation exists just then: no conjugate point of the
-    clamped problem lies inside (0, 1].
+    problem, with a free roll at its end where the goal leaves it so, lies inside (0, 1].
     """
     n = q.shape[0] - 1
     gradient = np.empty((n + 1, 3))
     D, L1, L2 = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3, 3)), np.empty((n + 1, 3, 3))
     C, N1, N2 = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3, 3)), np.empty((n + 1, 3, 3))
-    cost = assemble(
-        pointing, table, sigma, times, q, rate_start, rate_end, 0.0, gradient, D, L1, L2
-    )
-    return cost < np.inf and factor(1, n, D, L1, L2, C, N1, N2, 0.0, gradient)
+    cost = assemble(pointing, table, sigma, times, q, rate_start, goal, 0.0, gradient, D, L1, L2)
+    last = _unknowns_end(pointing, goal, n)
+    return cost < np.inf and factor(1, last, D, L1, L2, C, N1, N2, 0.0, gradient)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from riem_planner.solver import shooting
 from riem_planner.solver.curves import crosses_cut, mesh_and_states, shift_end
+from riem_planner.solver.ends import hold_cost
 from riem_planner.solver.setup import Setup
 from riem_planner.solver.watch import Watch
 
@@ -152,7 +153,7 @@ def _on_mesh(
         return None
     if missed > (_MOST_MISSED if held else tolerance):
         return None
-    cost = float(costs.sum())
+    cost = float(costs.sum()) + hold_cost(setup.table, setup.held, states[-1, :4])
     # What the half steps' own errors make of the solution, and the defects that are left.
     own = float(np.linalg.norm(left[:, :3], axis=1).max())
     discretisation = _SAFETY * (own + sensitivity * residual)
@@ -164,7 +165,7 @@ def _on_mesh(
     times = np.empty(2 * M + 1)
     times[::2], times[1::2] = mesh, 0.5 * (mesh[1:] + mesh[:-1])
     if missed > tolerance:
-        added = shift_end(setup.sigma, times, samples, setup.goal)
+        added = shift_end(setup.sigma, times, samples, setup.goal_at(samples[-1, :4]))
         cost_error += _SAFETY * abs(added) / cost
         return Extremal(times, samples, cost + added, np.inf, cost_error), np.zeros(M, dtype=bool)
     split = between > 0.5 * tolerance

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from riem_planner.geometry import so3
 from riem_planner.solver import curves
 from riem_planner.solver.setup import Setup
 
@@ -26,6 +27,7 @@ _NODE_ANGLE = 0.15  # rad of a first guess between nodes
 # where it would make more than this.
 _SPINS = np.arange(-7.0, 8.0, np.pi)
 _SPINS_FROM = 6.0
+_ROLLS = (2.0 * np.pi / 3.0, -2.0 * np.pi / 3.0)  # where it is free at the end, to begin with
 
 
 class Guesses(NamedTuple):
@@ -51,7 +53,9 @@ def ways_round(setup: Setup) -> Guesses:
 
 
 def all_guesses(setup: Setup) -> Guesses:
-    """Curves of every class that may be worth a descent."""
+    """Curves of every class that may be worth a descent; from several rolls where it is free."""
+    if setup.free_roll:
+        return _rolled_guesses(setup)
     if not (np.any(setup.start[4:]) or np.any(setup.goal[4:])):
         return ways_round(setup)  # from rest to rest they are their own mirror images
     back = _reversed(setup)
@@ -62,6 +66,21 @@ def all_guesses(setup: Setup) -> Guesses:
     guesses = _cubics(setup, ends, rates, times) + _spins(setup, times)
     mirrored = _cubics(back, ends_back, rates_back, times) + _spins(back, times)
     guesses += [setup.with_goal(_with_start(setup, q[::-1])) for q in mirrored]
+    return Guesses(times, guesses)
+
+
+def _rolled_guesses(setup: Setup) -> Guesses:
+    """All ways to the roll that the least rotation brings, and the straightest to two others.
+
+    The rolls are a circle that is no contractible loop: either way round leads to the same class.
+    """
+    times, guesses = all_guesses(setup._replace(goal=setup.goal_at(setup.goal[:4])))
+    for roll in _ROLLS:
+        turn = np.array([0.0, 0.0, np.sin(0.5 * roll), np.cos(0.5 * roll)])
+        goal = setup.goal_at(so3.quaternion_multiply(setup.goal[:4], turn))
+        rolled = setup._replace(goal=goal)
+        ends, rates, _, _ = curves.ways_round(False, rolled.start, rolled.goal)
+        guesses = guesses + _cubics(rolled, ends[:1], rates[:1], times)
     return Guesses(times, guesses)
 
 

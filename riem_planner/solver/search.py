@@ -216,7 +216,7 @@ class Search:
     ) -> tuple[float, int, bool]:
         s = self.setup
         result: tuple[float, int, bool] = descend(
-            s.pointing, s.table, s.sigma, times, q, s.start[4:], s.goal[4:],
+            s.pointing, s.table, s.sigma, times, q, s.start[4:], s.goal,
             soft, tolerance, side, most, memory, self.watch.flag,
         )  # fmt: skip
         return result
@@ -279,11 +279,19 @@ class Unhindered(NamedTuple):
 def unhindered(setup: Setup, watch: Watch, guesses: Guesses) -> list[Unhindered]:
     """Guesses of different minima without obstacles, the cheapest of these first.
 
-    No path downhill from there to what obstacles leave is cheaper than that minimum.
+    No path downhill from there to what obstacles leave is cheaper than that minimum; but where the
+    roll at the end is free and slides, for it is judged as it stands in the guess.
     """
-    space = Search(setup._replace(table=setup.table[:0]), watch, guesses.times)
-    found = ((q, space.descended(q.copy())) for q in guesses.curves)
-    ways = [Unhindered(q, minimum) for q, minimum in found if minimum is not None]
+    bare = setup._replace(table=setup.table[:0])
+    space = Search(bare, watch, guesses.times)
+    ways = []
+    for q in guesses.curves:
+        if setup.free_roll and setup.table.size:
+            # All rolls would slide to one minimum: each is judged by its own.
+            space = Search(bare._replace(goal=setup.goal_at(q[-1])), watch, guesses.times)
+        minimum = space.descended(q.copy())
+        if minimum is not None:
+            ways.append(Unhindered(q, minimum))
     return sorted(ways, key=lambda way: way.minimum.cost)
 
 
@@ -305,7 +313,7 @@ def warm_guess(setup: Setup, trajectory: Trajectory, times: Array) -> Array:
     q = trajectory.evaluate_quaternion(
         np.minimum(times * trajectory.duration, trajectory.duration)
     )[0]
-    if setup.pointing:
+    if setup.pointing or setup.free_roll:
         q = so3.quaternion_multiply(q, setup.body)
     curves.meet_ends(setup.pointing, setup.start, setup.goal, times, q)
     return setup.with_goal(q)

@@ -16,10 +16,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from riem_planner.geometry.quaternions import ratio, relative, rotated, tilt, turn
+from riem_planner.geometry.quaternions import relative, turn
 from riem_planner.kernels import brief_kernel, inlined, kernel
 from riem_planner.obstacles.potential import first_derivatives, potential
 from riem_planner.solver.dop853 import NODES, STAGE_WEIGHTS, STAGES, WEIGHTS
+from riem_planner.solver.ends import goal_conditions
 
 _COLUMNS = 8  # a basis of at most 6, and two particular solutions
 _SIZE = 12 * _COLUMNS
@@ -243,8 +244,8 @@ def newton(
     ----------
     states : (M + 1, 13)
         The first one's attitude and rate are met exactly.
-    goal : (7,)
-        Quaternion and body rate at the end; on S^2 only the direction and its velocity count.
+    goal : (7,) or longer
+        See `ends`; on S^2 only the direction and its velocity count.
     defects : (M, 12)
         Used where `given`, else overwritten by those of whole steps.
     gain : (M,)
@@ -332,7 +333,7 @@ def newton(
 
     G = np.zeros((6, 12))
     g = np.zeros(6)
-    _goal_conditions(pointing, states[M], goal, G, g)
+    goal_conditions(pointing, table, sigma, states[M], goal, G, g)
     beta, system = _end_system(columns, G, g, Y[M], z[M, 0])
     without = beta.copy()
     limited = valley < np.inf
@@ -403,29 +404,6 @@ def _substitute(U, rho, Y, z, beta, out):
             for j in range(columns):
                 s += Y[k, i, j] * beta[j]
             out[k, i] = s
-
-
-@inlined
-def _goal_conditions(pointing, end, goal, G, g):
-    """Rows G of the last perturbation and right-hand side g that meet the goal; from zeros."""
-    if pointing:
-        # The goal's direction in body components of the last attitude.
-        to_goal = np.empty(4)
-        ratio(end, goal, to_goal)
-        # Moving e3 by delta: delta x e3 = (delta_2, -delta_1, 0).
-        G[0, 1], G[1, 0] = 1.0, -1.0
-        g[0], g[1] = tilt(to_goal)
-        # The direction's velocity at the goal, in the body components of the last attitude, is
-        # to be v x e3 = (v_1, -v_0, 0); a turn by delta changes it by -delta x u.
-        u0, u1, u2 = rotated(to_goal, goal[5], -goal[4], 0.0)
-        G[2, 3], G[2, 2], G[2, 0], g[2] = 1.0, -u0, u2, -u1 - end[4]
-        G[3, 4], G[3, 2], G[3, 1], g[3] = 1.0, -u1, u2, u0 - end[5]
-    else:
-        error = np.empty(3)
-        relative(end, goal, error)
-        for i in range(3):
-            G[i, i], g[i] = 1.0, error[i]
-            G[3 + i, 3 + i], g[3 + i] = 1.0, goal[4 + i] - end[4 + i]
 
 
 @inlined

@@ -51,7 +51,7 @@ def assembled(setup, times, q, soft):
     gradient = np.empty((n + 1, 3))
     D, L1, L2 = (np.empty((n + 1, 3, 3)) for _ in range(3))
     cost = assemble(
-        setup.pointing, setup.table, setup.sigma, times, q, setup.start[4:], setup.goal[4:],
+        setup.pointing, setup.table, setup.sigma, times, q, setup.start[4:], setup.goal,
         soft, gradient, D, L1, L2,
     )  # fmt: skip
     return cost, gradient[1:n].ravel(), dense(1, n, D, L1, L2)
@@ -205,7 +205,7 @@ def run(setup, q, soft, side=1.0, most=300, tolerance=1e-10, memory=None, stop=N
     times = np.arange(q.shape[0]) / (q.shape[0] - 1)
     memory = fresh_memory(q.shape[0]) if memory is None else memory
     cost, iterations, converged = descend(
-        setup.pointing, setup.table, setup.sigma, times, q, setup.start[4:], setup.goal[4:],
+        setup.pointing, setup.table, setup.sigma, times, q, setup.start[4:], setup.goal,
         soft, tolerance, side, most, memory, (stop or StopFlag()).memory,
     )  # fmt: skip
     return cost, iterations, converged, memory
@@ -298,7 +298,7 @@ def along_geodesic(space, speed, sigma, duration, nodes=240):
     turn = so3.quaternion_exp(times[:, None] * duration * rate)
     q = np.ascontiguousarray(so3.quaternion_multiply(turn, setup.body))
     return positive_definite(
-        setup.pointing, setup.table, setup.sigma, times, q, setup.start[4:], setup.goal[4:]
+        setup.pointing, setup.table, setup.sigma, times, q, setup.start[4:], setup.goal
     )
 
 
