@@ -15,6 +15,7 @@ from msg_adapters import cdr
 from msg_adapters.errors import MessageError
 from msg_adapters.geometry import (
     SECOND,
+    check_frame,
     header,
     nanoseconds_from_time,
     quaternion_from_message,
@@ -140,6 +141,66 @@ def samples_from_reference(message: MultiDOFJointTrajectory) -> tuple[Samples, i
         raise MessageError("points", "none", "at least one point")
     samples = Samples(*(np.array(column) for column in zip(*rows, strict=True)))
     return samples, nanoseconds_from_time(message.header.stamp)
+
+
+class BodyStates(NamedTuple):
+    """Attitudes and rates of several bodies at one time.
+
+    Attributes
+    ----------
+    quaternions : (n, 4)
+        x, y, z, w, body to reference frame.
+    rates : (n, 3)
+        In each body's own axes [rad/s].
+    """
+
+    quaternions: Array
+    rates: Array
+
+
+def states_from_point(
+    message: MultiDOFJointTrajectory, reference_frame: str, most: int
+) -> tuple[tuple[str, ...], BodyStates, int]:
+    """Names, attitudes and rates of the joints of a trajectory of one point, and its stamp [ns].
+
+    Parameters
+    ----------
+    message
+        One transform and one velocity for each joint; none at all where there is no joint.
+    reference_frame
+        That its header must name.
+    most
+        Joints that it may have.
+
+    Raises
+    ------
+    MessageError
+        A value is wrong, a name is used twice, or there is not one point.
+    """
+    check_frame("header.frame_id", message.header.frame_id, reference_frame)
+    names = tuple(message.joint_names)
+    if len(names) > most:
+        raise MessageError("joint_names", f"{len(names)} names", f"at most {most}")
+    if len(set(names)) != len(names) or not all(names):
+        raise MessageError("joint_names", list(names), "names, each once")
+    stamp_ns = nanoseconds_from_time(message.header.stamp)
+    if not names:
+        return names, BodyStates(np.zeros((0, 4)), np.zeros((0, 3))), stamp_ns
+    if len(message.points) != 1:
+        raise MessageError("points", f"{len(message.points)} points", "one point")
+    point = message.points[0]
+    counts = len(point.transforms), len(point.velocities)
+    if counts != (len(names), len(names)):
+        raise MessageError("points[0]", counts, f"{len(names)} transforms and velocities")
+    quaternions = [
+        quaternion_from_message(each.rotation, f"points[0].transforms[{i}].rotation")
+        for i, each in enumerate(point.transforms)
+    ]
+    rates = [
+        rate_from_message(each.angular, f"points[0].velocities[{i}].angular")
+        for i, each in enumerate(point.velocities)
+    ]
+    return names, BodyStates(np.array(quaternions), np.array(rates)), stamp_ns
 
 
 class SetpointMessage:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from riem_planner import ramps
 from riem_planner.geometry import so3
-from riem_planner.limits import Limits
+from riem_planner.limits import ACCELERATION, KEYS, POWERS, TORQUE, WHEEL_TORQUE, Limits
 from riem_planner.obstacles import Forbidden
 from riem_planner.stop import SHORTEST, trajectory_of_turns
 from riem_planner.trajectory import Trajectory
@@ -36,6 +36,7 @@ _EFFORTS = (1 / 16, 1 / 4, 1.0)  # of the acceleration there is, where it is sti
 _NEARLY = 1.15  # times the soonest crossing: a shorter turn is preferred
 _ROUNDS = 6  # of stretching a motion until it keeps the limits
 _REST = 1e-9  # rad/s
+_POWERS = np.array([*POWERS, 2.0])  # of 1/T, of the parts below; the last is the free acceleration
 
 
 def uphill(forbidden: Forbidden, attitude: Array, time: float = 0.0) -> list[Array]:
@@ -115,23 +116,34 @@ class _Reach(NamedTuple):
     limits: Limits | None
     free: float
 
-    def used(self, v: Array, a: Array) -> dict[str, float]:
-        """Part of each limit that a motion uses, at its worst."""
-        parts = {} if self.limits is None else self.limits.used(v, a)
-        if not {"acceleration", "torque"} & parts.keys():
-            parts["free"] = float(np.max(np.linalg.norm(a, axis=-1))) / self.free
-        return parts
+    def parts(self, v: Array, a: Array, j: Array | None = None) -> Array:
+        """Part of each limit that a motion uses, by row of a table, then of the free one."""
+        if self.limits is None:
+            parts = np.full(len(POWERS), np.nan)
+        else:
+            parts = self.limits.parts(v, a, np.zeros(3) if j is None else j)
+        free = np.nan
+        if np.all(np.isnan(parts[[ACCELERATION, TORQUE, WHEEL_TORQUE]])):
+            free = float(np.max(np.linalg.norm(a, axis=-1))) / self.free
+        return np.asarray(np.nan_to_num(np.append(parts, free), nan=0.0))
+
+    def slower(self, trajectory: Trajectory, first: int = 0, powers: Array = _POWERS) -> float:
+        """By how much a motion has to be slower to keep the limits, from a sample on."""
+        v, a = trajectory.angular_velocities[first:], trajectory.angular_accelerations[first:]
+        j = np.diff(a, axis=0) / np.diff(trajectory.times[first:])[:, None]
+        parts = self.parts(v, a, np.concatenate([j, j[-1:]]))
+        return float(np.max(parts ** (1.0 / powers)))
 
     def fastest(self, axis: Array) -> float:
         """The largest rate about a body axis [rad/s], infinite if none is set."""
-        used = self.used(axis, np.zeros(3))
-        parts = [used.get("rate", 0.0), used.get("momentum", 0.0)]
-        parts.append(math.sqrt(used.get("torque", 0.0)))  # what it takes to keep on turning
-        return 1.0 / max(parts) if max(parts) > 0.0 else math.inf
+        parts = self.parts(axis, np.zeros(3))
+        # Torque, too: what it takes to keep on turning grows with the square of the rate.
+        most = float(np.max(parts ** np.where(_POWERS == 2.0, 0.5, 1.0)))
+        return 1.0 / most if most > 0.0 else math.inf
 
     def hardest(self, axis: Array) -> float:
         """The largest acceleration about a body axis [rad/s^2], from rest."""
-        return 1.0 / max(self.used(np.zeros(3), axis).values())
+        return 1.0 / float(np.max(self.parts(np.zeros(3), axis)))
 
 
 class _Turn(NamedTuple):
@@ -161,13 +173,12 @@ def _brake(quaternion: Array, rate: Array, acceleration: Array, reach: _Reach) -
         times = ramps.sample_times(corners, speed * duration)
         stop = trajectory_of_turns(quaternion, times, ramps.to_rest(corners, rate, times))
         # What it begins with is given, and is only reduced.
-        steady = times >= corners.times[1] - 1e-12
-        v, a = stop.angular_velocities[steady], stop.angular_accelerations[steady]
-        parts = reach.used(v, a)
-        used = max(parts.get(key, 0.0) for key in ("acceleration", "torque", "free"))
-        if used <= 1.0 + 1e-6:
+        first = int(np.searchsorted(times, corners.times[1] - 1e-12))
+        # A longer brake reduces its acceleration; the rate it begins with is what it is.
+        factor = reach.slower(stop, first, np.where(_POWERS == 1.0, math.inf, _POWERS - 1.0))
+        if factor <= 1.0 + 1e-6:
             break
-        duration = stop.duration * used
+        duration = stop.duration * factor
     return stop
 
 
@@ -291,10 +302,7 @@ def _turned(quaternion: Array, turn: _Turn, reach: _Reach) -> Trajectory:
         place, speed, gain = (part[:, None] for part in ramps.to_rest(corners, 0.0, times))
         turns = turn.axis * place, turn.axis * speed, turn.axis * gain
         way = trajectory_of_turns(quaternion, times, turns)
-        parts = reach.used(way.angular_velocities, way.angular_accelerations)
-        linear = max(parts.get(key, 0.0) for key in ("rate", "momentum"))
-        square = max(parts.get(key, 0.0) for key in ("acceleration", "torque", "free"))
-        factor = max(linear, math.sqrt(square))
+        factor = reach.slower(way)
         if factor <= 1.0 + 1e-6:
             break
         corners = _stretched(corners, factor)
@@ -315,5 +323,6 @@ def _binding(trajectory: Trajectory, reach: _Reach) -> str:
     """Which limit is used most."""
     if reach.limits is None:
         return UNLIMITED
-    used = reach.limits.used(trajectory.angular_velocities, trajectory.angular_accelerations)
-    return f"limits.{max(used, key=lambda key: used[key])}"
+    v, a = trajectory.angular_velocities, trajectory.angular_accelerations
+    row = int(np.argmax(reach.parts(v, a)))
+    return f"limits.{KEYS[row]}" if row < len(KEYS) else UNLIMITED

@@ -138,9 +138,13 @@ def inputs_health(mission: Mission, rejections: Rejections, now_ns: int) -> Heal
     """Age of what came in, and how much was rejected."""
     world = mission.world
     values: dict[str, object] = {}
-    for zone in mission.settings.zones:
-        age = world.age(zone.name, now_ns)
-        values[f"age_s.zones/{zone.name}"] = "parameter" if age is None else age
+    for source in dict.fromkeys(zone.source for zone in mission.settings.zones):
+        age = world.age(source, now_ns)
+        values[f"age_s.{source}"] = "parameter" if age is None else age
+    for source in ("obstacles", "obstacle_states"):
+        age = world.age(source, now_ns)
+        if age is not None:
+            values[f"age_s.{source}"] = age
     if mission.measured is not None:
         values["age_s.state"] = (now_ns - mission.measured.stamp_ns) * 1e-9
     for topic, count in sorted(rejections.counts.items()):
@@ -149,7 +153,7 @@ def inputs_health(mission: Mission, rejections: Rejections, now_ns: int) -> Heal
     if missing:
         return Health("inputs", Level.WARN, f"no direction of zone {', '.join(missing)}", values)
     if stale:
-        message = f"zone {', '.join(stale)} not heard of for longer than its timeout: it grows"
+        message = f"{', '.join(stale)} not heard of for longer than its timeout: it grows"
         return Health("inputs", Level.WARN, message, values)
     return Health("inputs", Level.OK, "fresh", values)
 

@@ -21,7 +21,7 @@ from riem_planner.mission.planning import Goal, Reason, Request, Result
 from riem_planner.mission.safety import Judge, Verdict
 from riem_planner.mission.settings import Settings
 from riem_planner.mission.timeline import Purpose, Reference, Segment, Setpoint, Timeline
-from riem_planner.mission.zone_tracker import World
+from riem_planner.mission.zone_tracker import TurningBodies, World
 from riem_planner.problem import Problem
 from riem_planner.solution import Solution, Status
 
@@ -233,20 +233,26 @@ class Mission:
             return f"it is inside {', '.join(inside)}; {Status.GOAL_IN_ZONE.advice}"
         return ""
 
-    def see_zone(self, name: str, direction: Array, stamp_ns: int, now_ns: int) -> None:
-        """Take in where a zone is (3,), and judge what flies by it."""
+    def see_direction(self, source: str, direction: Array, stamp_ns: int, now_ns: int) -> None:
+        """Take in a direction (3,) of `zones/<name>` or `bodies/<name>`, and judge what flies."""
         self.advance(now_ns)
         waited = self.world.missing
-        if self.world.update_zone(name, direction, stamp_ns):
+        if self.world.update(source, direction, stamp_ns):
             self._judge(now_ns)
         if waited and not self.world.missing and self.goal is not None and self.active:
             self._request(now_ns, Reason.RETRY)
 
-    def see_obstacles(self, quaternions: Array, now_ns: int) -> None:
+    def see_obstacles(self, quaternions: Array, stamp_ns: int, now_ns: int) -> None:
         """Take in the whole set of orientation obstacles (n, 4), and judge what flies by it."""
         self.advance(now_ns)
-        if self.world.update_orientations(quaternions):
+        if self.world.update_orientations(quaternions, stamp_ns):
             self._judge(now_ns)
+
+    def see_turning(self, bodies: TurningBodies, now_ns: int) -> None:
+        """Take in the whole set of attitudes that turn, and judge what flies by it."""
+        self.advance(now_ns)
+        self.world.update_turning(bodies)
+        self._judge(now_ns)
 
     def see_state(self, quaternion: Array, rate: Array, stamp_ns: int, now_ns: int) -> None:
         """Take in the measured attitude (4,) and rate (3,) [rad/s]."""

@@ -84,9 +84,11 @@ def _within_limits(stop: Trajectory, settings: Settings) -> bool:
     """Whether a stop keeps the limits, or at least asks no more than its own start did."""
     if settings.limits is None:
         return True
-    _, v, a = stop.evaluate(np.linspace(0.0, stop.duration, 101))
-    start = settings.limits.used(v[0], a[0])
-    used = settings.limits.used(v, a)
+    times = np.linspace(0.0, stop.duration, 101)
+    _, v, a = stop.evaluate(times)
+    j = np.gradient(a, times, axis=0)
+    start = settings.limits.used(v[0], a[0], j[0])
+    used = settings.limits.used(v, a, j)
     return all(part <= max(1.0, start[key]) + 1e-6 for key, part in used.items())
 
 

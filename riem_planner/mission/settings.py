@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -20,6 +21,12 @@ Kind = Literal["number", "integer", "flag", "text", "texts", "numbers", "scalar_
 Change = Literal["any time", "unconfigured", "never"]
 
 _FOREVER = 1e9
+_CONVERSIONS: dict[str, Callable[[Any], Any]] = {
+    "number": float,
+    "integer": int,
+    "flag": bool,
+    "text": str,
+}
 
 
 @dataclass(frozen=True)
@@ -114,8 +121,27 @@ SPECIFICATIONS: tuple[Specification, ...] = (
         1e-9,
         1e3,
     ),
-    _number("obstacle_radius", 0.0, "radius of the attitudes in ~/obstacles [rad]", 0.0, 3.1),
-    Specification("zone_names", "texts", [], "names of the zones to watch", change="never"),
+    _number(
+        "obstacle_radius",
+        0.0,
+        "radius of the attitudes in ~/obstacles and ~/obstacle_states [rad]",
+        0.0,
+        3.1,
+    ),
+    _number(
+        "obstacle_timeout",
+        0.0,
+        "age of ~/obstacles and ~/obstacle_states past which they grow; 0: never [s]",
+        0.0,
+        1e9,
+    ),
+    _number(
+        "obstacle_max_speed",
+        0.0,
+        "at which obstacles grow once their data is too old [rad/s]",
+        0.0,
+        100.0,
+    ),
     Specification(
         "start.orientation",
         "numbers",
@@ -153,26 +179,10 @@ SPECIFICATIONS: tuple[Specification, ...] = (
         "stop_on_shutdown", "flag", True, "come to rest before SIGINT or SIGTERM ends the node"
     ),
     _number("shutdown_timeout", 4.0, "the longest that such a stop is waited for [s]", 0.0, 3600.0),
+    Specification("zone_names", "texts", [], "names of the zones to watch", change="never"),
 )
 
-ZONE_SPECIFICATIONS: tuple[Specification, ...] = (
-    _fixed("kind", "text", "keep_out", "keep_out or keep_in", choices=("keep_out", "keep_in")),
-    _fixed(
-        "boresight",
-        "numbers",
-        [],
-        "body axis that is kept out (in); unset: the planner's boresight [any length]",
-        lengths=(0, 3),
-    ),
-    _number("half_angle", 0.35, "of the cone [rad]", 0.0, 3.1),
-    _fixed("group", "text", "", "keep-in group: inside at least one of its members; unset: none"),
-    _number(
-        "normalized_strength",
-        0.0,
-        "strength times duration^4; 0: the planner's normalized_strength [rad^4]",
-        0.0,
-        1e3,
-    ),
+_PLACE: tuple[Specification, ...] = (
     Specification(
         "direction",
         "numbers",
@@ -195,18 +205,63 @@ ZONE_SPECIFICATIONS: tuple[Specification, ...] = (
     ),
 )
 
+ZONE_SPECIFICATIONS: tuple[Specification, ...] = (
+    _fixed("kind", "text", "keep_out", "keep_out or keep_in", choices=("keep_out", "keep_in")),
+    _fixed(
+        "boresight",
+        "numbers",
+        [],
+        "body axis that is kept out (in); unset: the planner's boresight [any length]",
+        lengths=(0, 3),
+    ),
+    _number("half_angle", 0.35, "of the cone [rad]", 0.0, 3.1),
+    _fixed("group", "text", "", "keep-in group: inside at least one of its members; unset: none"),
+    _number(
+        "normalized_strength",
+        0.0,
+        "strength times duration^4; 0: the planner's normalized_strength [rad^4]",
+        0.0,
+        1e3,
+    ),
+    Specification(
+        "body",
+        "text",
+        "",
+        "body whose ~/bodies/<body> and bodies.<body> parameters say where it is; unset: its own",
+        change="never",
+    ),
+    *_PLACE,
+)
+
+BODY_SPECIFICATIONS: tuple[Specification, ...] = _PLACE
+"""Of a body that zones name; a zone that names none has them itself."""
+
 
 def specification_of(name: str) -> Specification | None:
-    """Specification of a parameter by its full name, `zones.<name>.<key>` included."""
-    if name.startswith("zones.") and name.count(".") == 2:
-        key = name.rsplit(".", 1)[1]
-        return next((item for item in ZONE_SPECIFICATIONS if item.name == key), None)
+    """Specification of a parameter by its full name, those of a zone or body included."""
+    for prefix, items in (("zones.", ZONE_SPECIFICATIONS), ("bodies.", BODY_SPECIFICATIONS)):
+        if name.startswith(prefix) and name.count(".") == 2:
+            key = name.rsplit(".", 1)[1]
+            return next((item for item in items if item.name == key), None)
     return next((item for item in SPECIFICATIONS if item.name == name), None)
 
 
 def zone_parameter(zone: str, key: str) -> str:
     """Full name of a zone's parameter."""
     return f"zones.{zone}.{key}"
+
+
+def body_parameter(body: str, key: str) -> str:
+    """Full name of a body's parameter."""
+    return f"bodies.{body}.{key}"
+
+
+def bodies_of(values: Mapping[str, Any]) -> tuple[str, ...]:
+    """Names of the bodies that zones name, each once."""
+    named = (
+        values.get(zone_parameter(zone, "body")) for zone in values["zone_names"] or [] if zone
+    )
+    return tuple(dict.fromkeys(name for name in named if name))
 
 
 def check_value(name: str, specification: Specification, value: Any) -> None:
@@ -243,9 +298,13 @@ def check_value(name: str, specification: Specification, value: Any) -> None:
 
 @dataclass(frozen=True)
 class ZoneSettings:
-    """One configured zone; units as in `ZONE_SPECIFICATIONS`, unset is None."""
+    """One configured zone; units as in `ZONE_SPECIFICATIONS`, unset is None.
+
+    What says where it is, is its body's if it names one.
+    """
 
     name: str
+    body: str | None
     kind: str
     boresight: Array | None
     half_angle: float
@@ -256,10 +315,23 @@ class ZoneSettings:
     timeout: float
     max_speed: float
 
+    @property
+    def source(self) -> str:
+        """The topic that says where it is: `zones/<name>` or `bodies/<body>`."""
+        return f"zones/{self.name}" if self.body is None else f"bodies/{self.body}"
+
+    @property
+    def title(self) -> str:
+        """Its name, and its body's."""
+        return self.name if self.body is None else f"{self.name} (body {self.body})"
+
 
 @dataclass(frozen=True)
 class Settings:
-    """All parameters, validated; units as in `SPECIFICATIONS`, unset is None."""
+    """All parameters, validated; units as in `SPECIFICATIONS`, unset is None.
+
+    A number, flag or text is called as its parameter; the others are made of several.
+    """
 
     space: Space
     boresight: Array
@@ -270,6 +342,8 @@ class Settings:
     normalized_tension: float
     normalized_strength: float
     obstacle_radius: float
+    obstacle_timeout: float
+    obstacle_max_speed: float
     zones: tuple[ZoneSettings, ...]
     start_orientation: Array
     require_state: bool
@@ -284,6 +358,11 @@ class Settings:
     auto_execute: bool
     stop_on_shutdown: bool
     shutdown_timeout: float
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies that zones follow."""
+        return tuple(dict.fromkeys(zone.body for zone in self.zones if zone.body is not None))
 
     @property
     def budget_ns(self) -> int:
@@ -309,19 +388,42 @@ def _zone(name: str, values: Mapping[str, Any]) -> ZoneSettings:
     def key(which: str) -> str:
         return zone_parameter(name, which)
 
-    rate = _optional(values[key("rate")])
+    body = values[key("body")] or None
+    if body is not None:
+        _check_place_unset(name, body, values)
+
+    def place(which: str) -> str:
+        return key(which) if body is None else body_parameter(body, which)
+
+    rate = _optional(values[place("rate")])
     return ZoneSettings(
         name=name,
+        body=body,
         kind=values[key("kind")],
         boresight=_axis(key("boresight"), values[key("boresight")]),
         half_angle=float(values[key("half_angle")]),
         group=values[key("group")] or None,
         normalized_strength=values[key("normalized_strength")] or None,
-        direction=_axis(key("direction"), values[key("direction")]),
-        rate=None if rate is None else finite_array(key("rate"), rate, (3,)),
-        timeout=float(values[key("timeout")]),
-        max_speed=float(values[key("max_speed")]),
+        direction=_axis(place("direction"), values[place("direction")]),
+        rate=None if rate is None else finite_array(place("rate"), rate, (3,)),
+        timeout=float(values[place("timeout")]),
+        max_speed=float(values[place("max_speed")]),
     )
+
+
+def _check_place_unset(zone: str, body: str, values: Mapping[str, Any]) -> None:
+    """A zone that names a body says nothing itself of where that is."""
+    if not re.fullmatch(r"[A-Za-z_]\w*", body):
+        raise InvalidProblemError(
+            zone_parameter(zone, "body"), f"expected letters, digits and _, got {body!r}"
+        )
+    for item in BODY_SPECIFICATIONS:
+        value = values[zone_parameter(zone, item.name)]
+        if _optional(value) is not None and value != item.default:
+            raise InvalidProblemError(
+                zone_parameter(zone, item.name),
+                f"the zone follows {body!r}; set {body_parameter(body, item.name)} instead",
+            )
 
 
 def _limits(values: Mapping[str, Any]) -> Limits | None:
@@ -376,39 +478,29 @@ def settings_from_values(values: Mapping[str, Any]) -> Settings:
     if values["duration"] == 0.0 and limits is None:
         raise InvalidProblemError("duration", "0 is the least within limits, but none is set")
     goal = _optional(values["goal.orientation"])
-    space = S2 if values["space"] == "s2" else SO3
-    return Settings(
-        space=space,
-        boresight=unit_vector("boresight", values["boresight"]),
-        reference_frame=values["reference_frame"],
-        body_frame=values["body_frame"],
-        duration=float(values["duration"]),
-        limits=limits,
-        normalized_tension=float(values["normalized_tension"]),
-        normalized_strength=float(values["normalized_strength"]),
-        obstacle_radius=float(values["obstacle_radius"]),
-        zones=zones,
-        start_orientation=unit_quaternion("start.orientation", values["start.orientation"]),
-        require_state=bool(values["require_state"]),
-        goal_orientation=None if goal is None else unit_quaternion("goal.orientation", goal),
-        setpoint_rate=float(values["setpoint_rate"]),
-        trajectory_poses=int(values["trajectory_poses"]),
-        planning_budget=float(values["planning_budget"]),
-        replan_gain=float(values["replan_gain"]),
-        tracking_bound=float(values["tracking_bound"]),
-        input_timeout=float(values["input_timeout"]),
-        autostart=bool(values["autostart"]),
-        auto_execute=bool(values["auto_execute"]),
-        stop_on_shutdown=bool(values["stop_on_shutdown"]),
-        shutdown_timeout=float(values["shutdown_timeout"]),
-    )
+    made: dict[str, Any] = {
+        "space": S2 if values["space"] == "s2" else SO3,
+        "boresight": unit_vector("boresight", values["boresight"]),
+        "limits": limits,
+        "zones": zones,
+        "start_orientation": unit_quaternion("start.orientation", values["start.orientation"]),
+        "goal_orientation": None if goal is None else unit_quaternion("goal.orientation", goal),
+    }
+    for item in SPECIFICATIONS:
+        convert = _CONVERSIONS.get(item.kind)
+        if convert is not None and item.name not in made:
+            made[item.name] = convert(values[item.name])
+    return Settings(**made)
 
 
-def default_values(zones: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Values of all parameters that nobody set, with those of some zones."""
+def default_values(zones: tuple[str, ...] = (), bodies: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Values of all parameters that nobody set, with those of some zones and bodies."""
     values = {item.name: item.default for item in SPECIFICATIONS}
     values["zone_names"] = list(zones)
     for zone in zones:
         for item in ZONE_SPECIFICATIONS:
             values[zone_parameter(zone, item.name)] = item.default
+    for body in bodies:
+        for item in BODY_SPECIFICATIONS:
+            values[body_parameter(body, item.name)] = item.default
     return values

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,8 +62,29 @@ def _slowed(rate: Array, fastest: float) -> Array:
     return rate * (fastest / speed) if 0.0 < fastest < speed else rate
 
 
+class TurningBodies(NamedTuple):
+    """Attitudes that turn on at their rates: orientation obstacles that move.
+
+    Attributes
+    ----------
+    names : (n)
+        Each once.
+    quaternions : (n, 4)
+        x, y, z, w, at the stamp.
+    rates : (n, 3)
+        In each one's own axes [rad/s], constant from the stamp on.
+    stamp_ns
+        [ns].
+    """
+
+    names: tuple[str, ...]
+    quaternions: Array
+    rates: Array
+    stamp_ns: int
+
+
 class World:
-    """The newest good data of every zone, and the set of orientation obstacles.
+    """The newest good data of every zone and body, and the sets of orientation obstacles.
 
     Parameters
     ----------
@@ -80,38 +102,42 @@ class World:
         self._settings = settings
         self._tracks: dict[str, _Track] = {}
         self._orientations: Array = np.zeros((0, 4))
-        self._standing: tuple[Obstacle, ...] = ()
+        self._orientations_ns: int | None = None
+        self._matrices: Array = np.zeros((0, 3, 3))
+        self._turning: TurningBodies | None = None
 
     def configure(self, settings: Settings) -> None:
         """Take new settings; the data that came stays."""
         self._settings = settings
-        self._place_orientations()
         self.version += 1
 
-    def update_zone(self, name: str, direction: Array, stamp_ns: int) -> bool:
-        """Take in the direction (3,) of a zone; False if it is older than what is known."""
-        zone = next(zone for zone in self._settings.zones if zone.name == name)
-        track = self._tracks.get(name)
+    def update(self, source: str, direction: Array, stamp_ns: int) -> bool:
+        """Take in a direction (3,) of `zones/<name>` or `bodies/<name>`; False if it is old."""
+        zone = next(zone for zone in self._settings.zones if zone.source == source)
+        track = self._tracks.get(source)
         if track is not None and stamp_ns < track.stamp_ns:
             return False
         if track is None:
-            track = self._tracks[name] = _Track(direction, stamp_ns)
+            track = self._tracks[source] = _Track(direction, stamp_ns)
         track.update(direction, stamp_ns, zone.max_speed)
         self.version += 1
         return True
 
-    def update_orientations(self, quaternions: Array) -> bool:
+    def update_orientations(self, quaternions: Array, stamp_ns: int) -> bool:
         """Replace the whole set of orientation obstacles (n, 4); False if nothing changed."""
-        if np.array_equal(quaternions, self._orientations):
+        aged = self._overdue(self._orientations_ns, self._settings.obstacle_timeout, stamp_ns)
+        self._orientations_ns = stamp_ns
+        if np.array_equal(quaternions, self._orientations) and not aged:
             return False
         self._orientations = np.array(quaternions)
-        self._place_orientations()
+        self._matrices = so3.quaternion_to_matrix(self._orientations)
         self.version += 1
         return True
 
-    def _place_orientations(self) -> None:
-        matrices = so3.quaternion_to_matrix(self._orientations)
-        self._standing = tuple(self._obstacle(i, matrix) for i, matrix in enumerate(matrices))
+    def update_turning(self, bodies: TurningBodies) -> None:
+        """Replace the whole set of orientation obstacles that turn."""
+        self._turning = bodies if bodies.names else None
+        self.version += 1
 
     def shift(self, nanoseconds: int, *, everything: bool = True) -> None:
         """Move stamps: the clock has jumped by that much [ns].
@@ -119,58 +145,88 @@ class World:
         Where the clock has only begun to be known, not `everything`: what was stamped by a sender
         is right, what came without a stamp came at time 0.
         """
+
+        def moved(stamp_ns: int) -> int:
+            return stamp_ns + nanoseconds if everything or stamp_ns == 0 else stamp_ns
+
         for track in self._tracks.values():
-            if everything or track.stamp_ns == 0:
-                track.stamp_ns += nanoseconds
+            if moved(track.stamp_ns) != track.stamp_ns:
                 track.history.clear()
+            track.stamp_ns = moved(track.stamp_ns)
+        if self._orientations_ns is not None:
+            self._orientations_ns = moved(self._orientations_ns)
+        if self._turning is not None:
+            self._turning = self._turning._replace(stamp_ns=moved(self._turning.stamp_ns))
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Zones whose direction is not known."""
+        """Zones whose direction is not known, with the body's name."""
         return tuple(
-            zone.name
+            zone.title
             for zone in self._settings.zones
-            if zone.direction is None and zone.name not in self._tracks
+            if zone.direction is None and zone.source not in self._tracks
         )
 
     @property
     def moving(self) -> bool:
         """Whether a zone moves or grows, so that its place has to be looked at as time passes."""
-        return any(zone.timeout > 0.0 or np.any(self._rate(zone)) for zone in self._settings.zones)
+        settings = self._settings
+        if any(zone.timeout > 0.0 or np.any(self._rate(zone)) for zone in settings.zones):
+            return True
+        told = self._turning is not None or len(self._orientations) > 0
+        return self._turning is not None or (told and settings.obstacle_timeout > 0.0)
 
-    def age(self, name: str, now_ns: int) -> float | None:
-        """Age of a zone's data [s]; None if no message has come."""
-        track = self._tracks.get(name)
-        return None if track is None else (now_ns - track.stamp_ns) * 1e-9
+    def age(self, source: str, now_ns: int) -> float | None:
+        """Age of the data of `zones/<name>` or such [s]; None if no message has come."""
+        stamp_ns = self._stamp(source)
+        return None if stamp_ns is None else (now_ns - stamp_ns) * 1e-9
+
+    def _stamp(self, source: str) -> int | None:
+        if source == "obstacles":
+            return self._orientations_ns
+        if source == "obstacle_states":
+            return None if self._turning is None else self._turning.stamp_ns
+        track = self._tracks.get(source)
+        return None if track is None else track.stamp_ns
 
     def stale(self, now_ns: int) -> tuple[str, ...]:
-        """Zones whose data is older than their timeout."""
+        """Sources of data that is older than its timeout, so that what it tells of grows."""
+        timeouts = {zone.source: zone.timeout for zone in self._settings.zones}
+        if len(self._orientations):
+            timeouts["obstacles"] = self._settings.obstacle_timeout
+        timeouts["obstacle_states"] = self._settings.obstacle_timeout
         return tuple(
-            zone.name for zone in self._settings.zones if self._overdue(zone, now_ns) > 0.0
+            source
+            for source, timeout in timeouts.items()
+            if self._overdue(self._stamp(source), timeout, now_ns) > 0.0
         )
 
     def _rate(self, zone: ZoneSettings) -> Array:
         if zone.rate is not None:
             return zone.rate
-        track = self._tracks.get(zone.name)
+        track = self._tracks.get(zone.source)
         return np.zeros(3) if track is None else track.rate
 
-    def _overdue(self, zone: ZoneSettings, now_ns: int) -> float:
-        age = self.age(zone.name, now_ns)
-        if age is None or zone.timeout == 0.0:
+    @staticmethod
+    def _overdue(stamp_ns: int | None, timeout: float, now_ns: int) -> float:
+        if stamp_ns is None or timeout == 0.0:
             return 0.0
-        return max(0.0, age - zone.timeout)
+        return max(0.0, (now_ns - stamp_ns) * 1e-9 - timeout)
+
+    def _growth(self, source: str, timeout: float, speed: float, now_ns: int) -> float:
+        """By how much what is told of has grown [rad]."""
+        overdue = self._overdue(self._stamp(source), timeout, now_ns)
+        return speed * (overdue + _LOOK_AHEAD) if overdue > 0.0 else 0.0
 
     def zone_at(self, zone: ZoneSettings, now_ns: int) -> Zone:
         """A zone as it is at a time: moved on since it was seen, grown if that was long ago."""
-        track = self._tracks.get(zone.name)
+        track = self._tracks.get(zone.source)
         rate = self._rate(zone)
         direction = zone.direction if track is None else track.direction
         assert direction is not None  # callers look at `missing` first
         if track is not None and np.any(rate):
             direction = so3.exp(rate * ((now_ns - track.stamp_ns) * 1e-9)) @ direction
-        overdue = self._overdue(zone, now_ns)
-        growth = zone.max_speed * (overdue + _LOOK_AHEAD) if overdue > 0.0 else 0.0
+        growth = self._growth(zone.source, zone.timeout, zone.max_speed, now_ns)
         angle = zone.half_angle + (growth if zone.kind == "keep_out" else -growth)
         angle = zone.half_angle if growth == 0.0 else min(max(angle, _LEAST), _MOST)
         strength = zone.normalized_strength
@@ -190,23 +246,52 @@ class World:
     def obstacles(self, now_ns: int) -> tuple[Obstacle, ...]:
         """Everything to keep away from or inside of, with its place at a time [ns]."""
         zones = [self.zone_at(zone, now_ns) for zone in self._settings.zones]
-        return (*zones, *self._standing)
+        radius = self._radius("obstacles", now_ns)
+        still = np.zeros(3)
+        standing = [
+            self._obstacle(f"obstacle_{i}", matrix, still, radius)
+            for i, matrix in enumerate(self._matrices)
+        ]
+        return (*zones, *standing, *self._turned(now_ns))
 
-    def _obstacle(self, index: int, matrix: Array) -> Obstacle:
-        """One of ~/obstacles: an attitude, or on s2 the direction of its boresight."""
+    def _radius(self, source: str, now_ns: int) -> float:
         settings = self._settings
-        name = f"obstacle_{index}"
+        growth = self._growth(
+            source, settings.obstacle_timeout, settings.obstacle_max_speed, now_ns
+        )
+        return min(settings.obstacle_radius + growth, _MOST) if growth else settings.obstacle_radius
+
+    def _turned(self, now_ns: int) -> list[Obstacle]:
+        bodies = self._turning
+        if bodies is None:
+            return []
+        elapsed = (now_ns - bodies.stamp_ns) * 1e-9
+        told = so3.quaternion_to_matrix(bodies.quaternions)
+        matrices = told @ so3.exp(bodies.rates * elapsed)
+        radius = self._radius("obstacle_states", now_ns)
+        # A constant rate is the same in the body's axes for ever, so in the reference's as well.
+        rates = np.einsum("nij,nj->ni", matrices, bodies.rates)
+        return [
+            self._obstacle(f"obstacle_states/{name}", matrix, rate, radius)
+            for name, matrix, rate in zip(bodies.names, matrices, rates, strict=True)
+        ]
+
+    def _obstacle(self, name: str, matrix: Array, rate: Array, radius: float) -> Obstacle:
+        """An attitude to keep away from, or on s2 the direction of its boresight."""
+        settings = self._settings
         if settings.space == S2:
             return Zone(
                 matrix @ settings.boresight,
-                settings.obstacle_radius,
+                radius,
                 boresight=settings.boresight,
                 normalized_strength=settings.normalized_strength,
+                rate=rate,
                 name=name,
             )
         return OrientationObstacle(
             matrix,
             normalized_strength=settings.normalized_strength,
-            radius=settings.obstacle_radius,
+            radius=radius,
+            rate=rate,
             name=name,
         )

@@ -12,6 +12,7 @@ import numpy as np
 from geometry_msgs.msg import PoseArray, PoseStamped, Vector3Stamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Imu
+from trajectory_msgs.msg import MultiDOFJointTrajectory
 
 from msg_adapters import MessageError
 from msg_adapters.geometry import (
@@ -23,9 +24,11 @@ from msg_adapters.geometry import (
     nanoseconds_from_time,
 )
 from msg_adapters.pose_array import orientations_from_cdr
+from msg_adapters.trajectory import states_from_point
 from riem_planner.mission.mission import Mission
 from riem_planner.mission.planning import Goal
 from riem_planner.mission.settings import Settings
+from riem_planner.mission.zone_tracker import TurningBodies
 
 MOST_OBSTACLES = 500
 """Poses in ~/obstacles; a message with more is a mistake, and would be too slow to plan with."""
@@ -121,9 +124,10 @@ class Inputs:
             Input("~/imu", Imu, self._imu, streams=True),
             # As bytes: a large array as Python objects would stop the stream.
             Input("~/obstacles", PoseArray, self._obstacles, raw=True),
+            Input("~/obstacle_states", MultiDOFJointTrajectory, self._obstacle_states),
             *(
-                Input(f"~/zones/{zone.name}", Vector3Stamped, partial(self._zone, zone.name))
-                for zone in settings.zones
+                Input(f"~/{source}", Vector3Stamped, partial(self._direction, source))
+                for source in dict.fromkeys(zone.source for zone in settings.zones)
             ),
         )
 
@@ -186,13 +190,20 @@ class Inputs:
     def _obstacles(self, data: bytes, now_ns: int, _: bool) -> None:
         settings = self._settings
         found = orientations_from_cdr(data, settings.reference_frame, MOST_OBSTACLES)
-        self._told_at("~/obstacles", found.stamp, now_ns)
-        self._desk.mission().see_obstacles(np.asarray(found.quaternions), now_ns)
+        stamp_ns = self._told_at("~/obstacles", found.stamp, now_ns)
+        self._desk.mission().see_obstacles(np.asarray(found.quaternions), stamp_ns, now_ns)
 
-    def _zone(self, name: str, message: Vector3Stamped, now_ns: int, _: bool) -> None:
+    def _obstacle_states(self, message: MultiDOFJointTrajectory, now_ns: int, _: bool) -> None:
+        frame = self._settings.reference_frame
+        names, states, told_ns = states_from_point(message, frame, MOST_OBSTACLES)
+        stamp_ns = self._told_at("~/obstacle_states", told_ns, now_ns)
+        bodies = TurningBodies(names, states.quaternions, states.rates, stamp_ns)
+        self._desk.mission().see_turning(bodies, now_ns)
+
+    def _direction(self, source: str, message: Vector3Stamped, now_ns: int, _: bool) -> None:
         direction = direction_from_vector(message, self._settings.reference_frame)
-        stamp_ns = self._told_at(f"~/zones/{name}", direction.stamp, now_ns)
-        self._desk.mission().see_zone(name, direction.vector, stamp_ns, now_ns)
+        stamp_ns = self._told_at(f"~/{source}", direction.stamp, now_ns)
+        self._desk.mission().see_direction(source, direction.vector, stamp_ns, now_ns)
 
 
 def _stamp_or(message: Any, now_ns: int) -> int:

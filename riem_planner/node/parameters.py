@@ -19,10 +19,13 @@ from rclpy.parameter import Parameter
 
 from riem_planner.errors import InvalidProblemError
 from riem_planner.mission.settings import (
+    BODY_SPECIFICATIONS,
     SPECIFICATIONS,
     ZONE_SPECIFICATIONS,
     Settings,
     Specification,
+    bodies_of,
+    body_parameter,
     settings_from_values,
     specification_of,
     zone_parameter,
@@ -106,6 +109,9 @@ class Parameters:
             if zone:
                 for specification in ZONE_SPECIFICATIONS:
                     self._declare(zone_parameter(zone, specification.name), specification)
+        for body in bodies_of(self.values()):
+            for specification in BODY_SPECIFICATIONS:
+                self._declare(body_parameter(body, specification.name), specification)
         self.settings = settings_from_values(self.values())
         node.add_pre_set_parameters_callback(self._typed)
         node.add_on_set_parameters_callback(self._check)
@@ -146,6 +152,8 @@ class Parameters:
             hint = f"; did you mean {near[0]}?" if near else ""
             if name.startswith("zones.") and specification_of(name) is not None:
                 hint = f"; is {name.split('.')[1]!r} missing in zone_names?"
+            if name.startswith("bodies.") and specification_of(name) is not None:
+                hint = f"; does no zone name the body {name.split('.')[1]!r}?"
             sentences.append(f"unknown parameter {name}, ignored{hint}")
         return sentences
 

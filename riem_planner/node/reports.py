@@ -12,7 +12,6 @@ from msg_adapters import status as status_messages
 from msg_adapters.markers import Cap, Scene
 from msg_adapters.trajectory import Samples
 from riem_planner.geometry import so3
-from riem_planner.limits import QUANTITIES
 from riem_planner.mission.codes import Level
 from riem_planner.mission.events import Event, Proposal
 from riem_planner.mission.health import Health
@@ -35,18 +34,17 @@ def readiness(settings: Settings) -> str:
     zones = settings.zones
     names = ", ".join(zone.name for zone in zones)
     parts = [f"{_counted(len(zones), 'zone')} ({names})" if zones else "no zones are watched"]
-    if settings.limits is None:
-        parts.append("no limits")
-    else:
-        stated = [key for key in QUANTITIES if getattr(settings.limits, key) is not None]
-        parts.append(" ".join(["limits", *stated]))
+    if settings.bodies:
+        parts.append(_counted(len(settings.bodies), "bod", "y", "ies"))
+    limits = settings.limits
+    parts.append("no limits" if limits is None else " ".join(["limits", *limits.keys]))
     duration = settings.duration
     parts.append(f"duration {duration:g} s" if duration else "the least duration")
     return f"ready: {', '.join(parts)}"
 
 
-def _counted(count: int, noun: str) -> str:
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+def _counted(count: int, noun: str, one: str = "", many: str = "s") -> str:
+    return f"{count} {noun}{one if count == 1 else many}"
 
 
 def samples_of(proposal: Proposal, count: int) -> Samples:

@@ -46,7 +46,7 @@ class Simulation:
     def zone(self, name, direction):
         """Send the direction of a zone."""
         d = np.asarray(direction, dtype=float)
-        self.mission.see_zone(name, d / np.linalg.norm(d), self.now_ns, self.now_ns)
+        self.mission.see_direction(f"zones/{name}", d / np.linalg.norm(d), self.now_ns, self.now_ns)
 
     def step(self):
         """One period of the stream."""

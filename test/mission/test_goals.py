@@ -132,8 +132,8 @@ def test_a_kept_goal_is_dropped_by_cancel():
 
 def test_what_was_told_outlives_activation_and_is_judged_then():
     mission = Mission(settings(("sun",), duration=4.0, sun__half_angle=0.3))
-    mission.see_zone("sun", np.array([0.0, 0.0, 1.0]), START_NS, START_NS)
-    mission.see_obstacles(np.array([X_TURN]), START_NS)
+    mission.see_direction("zones/sun", np.array([0.0, 0.0, 1.0]), START_NS, START_NS)
+    mission.see_obstacles(np.array([X_TURN]), START_NS, START_NS)
     mission.see_state(X_TURN, REST, START_NS, START_NS)
     mission.set_goal(Goal(AT_THE_SUN, REST, 1), START_NS)
     mission.activate(START_NS)
@@ -158,16 +158,16 @@ def test_a_zone_of_unknown_direction_is_told_at_activation_and_waited_for():
 def test_before_a_simulated_clock_is_known_goals_and_zones_wait_and_keep_their_stamps():
     mission = Mission(settings(("sun", "moon"), duration=4.0, sun__max_speed=0.1))
     mission.activate(0)
-    mission.see_zone("sun", np.array([0.0, 0.0, 1.0]), 0, 0)
-    mission.see_zone("moon", np.array([0.0, 0.0, 1.0]), 95 * SECOND, 0)
+    mission.see_direction("zones/sun", np.array([0.0, 0.0, 1.0]), 0, 0)
+    mission.see_direction("zones/moon", np.array([0.0, 0.0, 1.0]), 95 * SECOND, 0)
     mission.set_goal(Goal(Z_TURN, REST, 5), 0)
     mission.wait_for_clock()
     assert mission.take_events()[-1].code is Code.WAITING
     assert mission.take_wanted() is None
     mission.tick(100 * SECOND)
     assert mission.take_wanted() is not None
-    assert mission.world.age("sun", 100 * SECOND) == 0.0
-    assert mission.world.age("moon", 100 * SECOND) == 5.0
+    assert mission.world.age("zones/sun", 100 * SECOND) == 0.0
+    assert mission.world.age("zones/moon", 100 * SECOND) == 5.0
 
 
 def test_a_goal_whose_rate_is_past_the_limits_is_refused():

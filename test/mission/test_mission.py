@@ -228,7 +228,7 @@ def test_a_call_that_is_overtaken_by_the_stream_is_no_jump_of_the_clock():
     simulation.run(1.0)
     now_ns = simulation.now_ns
     simulation.stream_on(0.4)
-    simulation.mission.see_zone("sun", np.array([0.0, 0.0, 1.0]), now_ns, now_ns)
+    simulation.mission.see_direction("zones/sun", np.array([0.0, 0.0, 1.0]), now_ns, now_ns)
     simulation.run(12.0)
     assert "CLOCK_JUMP" not in simulation.codes()
     assert _distance_to(simulation, Z_TURN) < 1e-9
@@ -273,7 +273,7 @@ def test_an_inactive_mission_keeps_the_time():
     for _ in range(100):
         simulation.step()
     mission.activate(simulation.now_ns)
-    assert mission.world.age("sun", simulation.now_ns) == pytest.approx(2.0)
+    assert mission.world.age("zones/sun", simulation.now_ns) == pytest.approx(2.0)
 
 
 def test_cancel_comes_to_rest_along_a_certified_stop_and_holds():
@@ -533,7 +533,7 @@ def test_a_zone_not_heard_of_grows_once_its_timeout_is_over():
     assert world.stale(at + SECOND) == ()
     grown = world.zone_at(zone, at + 3 * SECOND).half_angle
     assert 0.3 + 0.2 <= grown <= 0.3 + 0.2 + 0.1 * 0.3
-    assert world.stale(at + 3 * SECOND) == ("sun",)
+    assert world.stale(at + 3 * SECOND) == ("zones/sun",)
 
 
 @pytest.mark.parametrize("turning", [[0.0, 0.0, 0.01], [0.003, -0.002, 0.0]])
@@ -544,7 +544,7 @@ def test_the_rate_of_a_zone_is_estimated_from_its_updates(turning):
     for k in range(100):
         now_ns = simulation.now_ns + k * 50_000_000
         direction = so3.exp(np.array(turning) * k * 0.05) @ first
-        world.update_zone("sun", direction, now_ns)
+        world.update("zones/sun", direction, now_ns)
     later = world.zone_at(zone, now_ns + 2 * SECOND)
     expected = so3.exp(np.array(turning) * (99 * 0.05 + 2.0)) @ first
     assert np.linalg.norm(later.direction - expected) < 2e-3
@@ -553,16 +553,16 @@ def test_the_rate_of_a_zone_is_estimated_from_its_updates(turning):
 def test_a_leap_of_a_zone_is_not_taken_for_motion():
     simulation = _simulation()
     world, zone = simulation.mission.world, simulation.mission.settings.zones[0]
-    world.update_zone("sun", np.array([0.0, 0.0, 1.0]), simulation.now_ns)
-    world.update_zone("sun", np.array([1.0, 0.0, 0.0]), simulation.now_ns + SECOND)
+    world.update("zones/sun", np.array([0.0, 0.0, 1.0]), simulation.now_ns)
+    world.update("zones/sun", np.array([1.0, 0.0, 0.0]), simulation.now_ns + SECOND)
     assert not world.zone_at(zone, simulation.now_ns + SECOND).rate.any()
 
 
 def test_older_data_of_a_zone_is_not_taken():
     simulation = _simulation()
     world = simulation.mission.world
-    assert world.update_zone("sun", np.array([0.0, 0.0, 1.0]), simulation.now_ns)
-    assert not world.update_zone("sun", np.array([0.0, 1.0, 0.0]), simulation.now_ns - 1)
+    assert world.update("zones/sun", np.array([0.0, 0.0, 1.0]), simulation.now_ns)
+    assert not world.update("zones/sun", np.array([0.0, 1.0, 0.0]), simulation.now_ns - 1)
 
 
 def test_a_parameter_that_makes_the_flight_unsafe_is_acted_on_at_once():

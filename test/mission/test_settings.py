@@ -8,6 +8,7 @@ import yaml
 from simulation import settings
 
 from riem_planner.errors import InvalidProblemError
+from riem_planner.mission.reference import parameters_page, planner_yaml
 from riem_planner.mission.settings import (
     SPECIFICATIONS,
     ZONE_SPECIFICATIONS,
@@ -15,35 +16,31 @@ from riem_planner.mission.settings import (
     settings_from_values,
 )
 
-PLANNER = Path(__file__).resolve().parents[2] / "config" / "planner.yaml"
+ROOT = Path(__file__).resolve().parents[2]
+PLANNER = ROOT / "config" / "planner.yaml"
 DEMO = PLANNER.with_name("demo.yaml")
 
 
-def _unit(text):
-    return re.findall(r"\[([^\[\]]*)\]\s*$", text)
+def test_the_file_and_the_page_are_those_of_the_table():
+    assert PLANNER.read_text() == planner_yaml()
+    assert (ROOT / "docs" / "parameters.md").read_text() == parameters_page()
 
 
-def test_the_file_lists_every_parameter_with_its_default_and_unit():
-    text = PLANNER.read_text()
-    listed = yaml.safe_load(text)["/**"]["ros__parameters"]
-    expected = {s.name: s.default if s.default is not None else [] for s in SPECIFICATIONS}
-    assert listed == expected
-    for specification in SPECIFICATIONS:
-        (line,) = [
-            row for row in text.splitlines() if row.strip().startswith(f"{specification.name}:")
-        ]
-        assert "#" in line
-        assert _unit(line) == _unit(specification.description)
-        assert ("(*)" in line) == (specification.change == "unconfigured")
-        assert ("(**)" in line) == (specification.change == "never")
+def test_the_file_sets_every_parameter_to_its_default():
+    listed = yaml.safe_load(PLANNER.read_text())["/**"]["ros__parameters"]
+    assert listed == {s.name: s.default if s.default is not None else [] for s in SPECIFICATIONS}
+    rows = re.findall(r"^ *# ((?:zones|bodies)\.sun\.[a-z_]+: .*)$", PLANNER.read_text(), re.M)
+    zone, body = default_values(("sun",)), default_values((), ("sun",))
+    keys = default_values()
+    assert yaml.safe_load("\n".join(rows)) == {
+        name: value for name, value in {**zone, **body}.items() if name not in keys
+    }
 
 
-def test_the_file_lists_every_parameter_of_a_zone():
-    rows = re.findall(r"^ *# (zones\.sun\.[a-z_]+: .*)$", PLANNER.read_text(), re.MULTILINE)
-    listed = yaml.safe_load("\n".join(rows))
-    assert listed == {f"zones.sun.{s.name}": s.default for s in ZONE_SPECIFICATIONS}
-    for row, specification in zip(rows, ZONE_SPECIFICATIONS, strict=True):
-        assert _unit(row) == _unit(specification.description)
+def test_every_description_ends_with_the_unit_of_its_number():
+    for item in (*SPECIFICATIONS, *ZONE_SPECIFICATIONS):
+        if item.kind in ("number", "integer", "numbers", "scalar_or_numbers"):
+            assert re.search(r"\[[^\[\]]+\]$", item.description), item.name
 
 
 def test_the_demonstration_is_the_published_manoeuvre():

@@ -227,8 +227,8 @@ def test_bad_messages_are_rejected_whole_named_and_change_nothing(ros):
 def test_a_zero_stamp_means_now(ros):
     bench = ros(["sun"], **SUN)
     bench.zone("sun", [0.0, 1.0, 0.0], stamp_ns=0)
-    bench.wait(lambda: bench.node.mission.world.age("sun", bench.node.now_ns()) is not None)
-    assert 0.0 <= bench.node.mission.world.age("sun", bench.node.now_ns()) < 5.0
+    bench.wait(lambda: bench.node.mission.world.age("zones/sun", bench.node.now_ns()) is not None)
+    assert 0.0 <= bench.node.mission.world.age("zones/sun", bench.node.now_ns()) < 5.0
 
 
 def _change(bench, transition):
