@@ -47,6 +47,8 @@ class Flight:
         The slew to the present goal that was flown last; None if none has been.
     bound
         Whether what is flown goes there.
+    times
+        When the slew begins and arrives, as it was told [ns].
     rescue_due, stop_due
         What was found too late, and is to be tried again.
     """
@@ -58,6 +60,7 @@ class Flight:
         self.leaving = self.rescue_due = self.stop_due = False
         self.slew: Segment | None = None
         self.bound = False
+        self.times: tuple[int, int] | None = None
         self._judged = (-1, 0)
 
     @property
@@ -74,13 +77,15 @@ class Flight:
 
     def turn_to_another(self) -> None:
         """What is flown does not go to the goal that counts from now on."""
-        self.slew, self.bound = None, False
+        self.slew, self.bound, self.times = None, False, None
 
     def shift(self, nanoseconds: int) -> None:
         """The clock has jumped by that much."""
         self.reference.shift(nanoseconds)
         if self.slew is not None:
             self.slew = replace(self.slew, start_ns=self.slew.start_ns + nanoseconds)
+        if self.times is not None:
+            self.times = self.times[0] + nanoseconds, self.times[1] + nanoseconds
 
     def is_due(self, now_ns: int) -> bool:
         """Whether it is time to judge the timeline again."""
@@ -91,6 +96,12 @@ class Flight:
         """Whether the setpoint of the slew's arrival has been streamed."""
         slew = self.slew if self.bound else None
         return slew is not None and self.reference.streamed_ns >= slew.end_ns
+
+    def parting(self) -> bool:
+        """Whether the stop after a target that was followed has begun to be streamed."""
+        last = self.timeline.last if self.bound and self.timeline else None
+        stops = last is not None and last.purpose is Purpose.STOP
+        return stops and last is not None and self.reference.streamed_ns >= last.start_ns
 
     def fly(self, segments: tuple[Segment, ...], now_ns: int) -> Verdict | None:
         """Put segments in the timeline, if it is certified with them; None if too late."""
@@ -105,8 +116,19 @@ class Flight:
             if not self.reference.change(timeline, segments[0].start_ns):
                 return None
             self.verdict, self.slew, self.bound = verdict, flown[0], True
+            self.times = flown[0].start_ns, flown[0].end_ns
             self._judged = (self.world.version, now_ns)
         return verdict
+
+    def go_over(self, found: recovery.Rescue, from_ns: int, slew: Segment | None = None) -> bool:
+        """Take a certified timeline that differs from a time [ns] on; False if that is too late.
+
+        Where it has another slew to the goal, that one counts from now on.
+        """
+        if not self.reference.change(found.timeline, from_ns):
+            return False
+        self.verdict, self.slew = found.verdict, slew or self.slew
+        return True
 
     def check(self, now_ns: int) -> Change | None:
         """Certify the timeline from now on; where that fails, fly what is safe."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from riem_planner.mission.codes import Code, Level
 from riem_planner.mission.events import Event, Proposal
 from riem_planner.mission.planning import Goal
-from riem_planner.mission.timeline import Segment
 from riem_planner.problem import Problem
 from riem_planner.solution import Solution
 
@@ -41,12 +40,14 @@ class Ledger:
         self.unfinished = goal
         self.fresh()
 
-    def end(self, code: Code, message: str, reason: str = "", plan: Segment | None = None) -> None:
+    def end(
+        self, code: Code, message: str, reason: str = "", times: tuple[int, int] | None = None
+    ) -> None:
         """Tell the end of the unfinished goal, if there is one."""
         if self.unfinished is None:
             return
         goal, self.unfinished = self.unfinished, None
-        start_ns, arrival_ns = (None, None) if plan is None else (plan.start_ns, plan.end_ns)
+        start_ns, arrival_ns = times or (None, None)
         self.events.append(
             Event(
                 code,
@@ -89,13 +90,13 @@ class Ledger:
         level: Level | None = None,
         solution: Solution | None = None,
         problem: Problem | None = None,
-        plan: Segment | None = None,
+        times: tuple[int, int] | None = None,
     ) -> None:
         """Leave an event, unless it is the very one that was told last."""
         if message == self._told:
             return
         self._told = message
-        start_ns, arrival_ns = (None, None) if plan is None else (plan.start_ns, plan.end_ns)
+        start_ns, arrival_ns = times or (None, None)
         self.events.append(
             Event(code, message, level, goal, start_ns, arrival_ns, "", solution, problem)
         )

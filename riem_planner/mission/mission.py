@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riem_planner.errors import InvalidProblemError
-from riem_planner.mission import planning, recovery, requests
+from riem_planner.mission import planning, recovery, requests, tracking
 from riem_planner.mission.codes import Code, code_of
 from riem_planner.mission.events import Event, Measurement, Proposal
 from riem_planner.mission.flight import Flight
@@ -88,6 +88,7 @@ class Mission:
         self._retry_ns = self._gain_ns = 0
         self._patience = 1.0
         self._overtaken = 0
+        self._silent = False  # no more is heard of the target that was followed
 
     @property
     def reference(self) -> Reference:
@@ -179,6 +180,8 @@ class Mission:
             Whether it is taken as another goal.
         """
         self.advance(now_ns)
+        if self.goal is not None and tracking.corrects(goal, self.goal, now_ns):
+            return self._correct(goal, now_ns)
         why = self._objection(goal, now_ns)
         if why:
             self.ledger.refuse(goal, f"{why}; what was wanted before stays")
@@ -187,11 +190,43 @@ class Mission:
             same = not stamped or goal.stamp_ns == self.goal.stamp_ns
             return not same and self._take_over(goal, now_ns)
         self.goal, self.shown, self._patience = goal, None, 1.0
-        self.flight.stop_due = False
+        self.flight.stop_due = self._silent = False
         self.flight.turn_to_another()
         self.ledger.open(goal)
         self._request(now_ns, Reason.GOAL)
         return True
+
+    def _correct(self, told: Goal, now_ns: int) -> bool:
+        """The target moves otherwise than it was told to: the same goal, without an event."""
+        assert self.goal is not None  # the caller looked
+        why = self._past_limits(told)
+        if why:
+            self.ledger.refuse(told, why)
+            return False
+        if (told.since_ns or 0) < (self.goal.since_ns or 0):
+            return False  # the newest wins
+        self._rename(replace(told, stamp_ns=self.goal.stamp_ns))
+        self._silent = False
+        if not self.flight.bound:
+            if self.pending is None and self.shown is None and self.active and not self.ending:
+                self._request(now_ns, Reason.RETRY)
+        elif not tracking.correct(self.flight, self.goal, now_ns) and not self.flight.arrived():
+            self._request(now_ns, Reason.TARGET)
+        return False
+
+    def _rename(self, goal: Goal) -> None:
+        """The same goal, told anew."""
+        if self.ledger.unfinished is self.goal:
+            self.ledger.unfinished = goal
+        self.goal = goal
+
+    def _past_limits(self, goal: Goal) -> str:
+        limits = self.settings.limits
+        used = {} if limits is None else limits.used(goal.rate, np.zeros(3))
+        for key, part in used.items():
+            if part > 1.0 + 1e-9:
+                return f"its rate uses {part:.3g} times limits.{key}"
+        return ""
 
     def _take_over(self, goal: Goal, now_ns: int) -> bool:
         """The same goal under another stamp: what is planned and flown is for it from now on."""
@@ -204,7 +239,7 @@ class Mission:
         elif self.flight.arrived():
             self._arrive()
         elif self.flight.bound:
-            self.ledger.tell(Code.FLYING, "what flies goes there", goal, plan=self.flight.slew)
+            self.ledger.tell(Code.FLYING, "what flies goes there", goal, times=self.flight.times)
         elif self.pending is None:
             self._request(now_ns, Reason.GOAL)
         return True
@@ -215,15 +250,13 @@ class Mission:
             return INACTIVE
         if not self.active or self.world.missing or not now_ns:
             return ""  # to be looked at when it can be planned to
-        limits = self.settings.limits
-        if limits is not None:
-            for key, used in limits.used(goal.rate, np.zeros(3)).items():
-                if used > 1.0 + 1e-9:
-                    return f"its rate uses {used:.3g} times limits.{key}"
+        why = self._past_limits(goal)
+        if why:
+            return why
         ahead = self.settings.planning_budget + self.settings.duration
         arrival_ns = now_ns + round(1e9 * ahead)
         rest = np.zeros(3)
-        here = Setpoint(now_ns, goal.quaternion, rest, rest)
+        here = Setpoint(now_ns, goal.at(arrival_ns), rest, rest)
         try:
             planning.build_problem(self.settings, self.world, here, goal, self.settings.duration)
         except InvalidProblemError as error:
@@ -316,16 +349,21 @@ class Mission:
         self.advance(now_ns)
         if self.ledger.unfinished is not None and self.flight.arrived():
             self._arrive()
+        if self.goal is not None and self.goal.moving and self.flight.parting():
+            self.flight.bound, self._silent = False, True
+            timeout = self.settings.tracking_timeout
+            message = f"nothing was heard of the target for {timeout:g} s: a certified stop"
+            self.ledger.tell(Code.STOP, message, self.goal)
         if self.flight.stop_due:
             self.flight.stop(now_ns)
         elif self.timeline and self.flight.is_due(now_ns):
             self._judge(now_ns)
-        waiting = self.goal is not None and not self.flight.bound
+        waiting = self.goal is not None and not self.flight.bound and not self._silent
         if waiting and self.pending is None and self.shown is None and now_ns >= self._retry_ns:
             self._retry(now_ns)
 
     def _arrive(self) -> None:
-        self.ledger.end(Code.ARRIVED, "arrived", plan=self.flight.slew)
+        self.ledger.end(Code.ARRIVED, "arrived", times=self.flight.times)
 
     def advance(self, now_ns: int) -> None:
         """Note the time. A jump of the clock moves the whole timeline along with it."""
@@ -343,13 +381,15 @@ class Mission:
         self.world.shift(jump, everything=known)
         if self.measured is not None and (known or self.measured.stamp_ns == 0):
             self.measured = self.measured._replace(stamp_ns=self.measured.stamp_ns + jump)
+        if self.goal is not None and self.goal.moving and known:
+            self._rename(self.goal.shifted(jump))
         self._retry_ns = self._gain_ns = now_ns
         if self.timeline:
             self.ledger.tell(
                 Code.CLOCK_JUMP,
                 f"the clock jumped by {jump * 1e-9:+.3f} s; the stream goes on from where it was",
                 self.ledger.unfinished,
-                plan=self.flight.slew if self.flight.bound else None,
+                times=self.flight.times if self.flight.bound else None,
             )
         if self.pending is not None:
             self._request(now_ns, self.pending.reason, approved=self.pending.approved)
@@ -428,7 +468,8 @@ class Mission:
 
     def _look_for_gain(self, now_ns: int) -> None:
         """Where the world has changed since the plan, see if another way is cheaper."""
-        flying = self.flight.bound and now_ns < self.timeline.end_ns
+        slew = self.flight.slew
+        flying = self.flight.bound and slew is not None and now_ns < slew.end_ns
         changed = self.world.version != self._planned_version
         if flying and changed and self.pending is None and now_ns - self._gain_ns >= RETRY_NS:
             self._gain_ns, self._planned_version = now_ns, self.world.version
@@ -439,13 +480,16 @@ class Mission:
         assert trajectory is not None  # the caller looked
         slew = Segment(start_ns, trajectory, Purpose.SLEW)
         segments: tuple[Segment, ...] = (slew,)
-        if not result.request.goal.resting:
+        goal = result.request.goal
+        if goal.moving:
             judge = Judge(self.world, self.settings, now_ns)
-            stop = recovery.come_to_rest(Timeline((slew,)), judge, self.settings, slew.end_ns - 1)
-            if stop is None:
+            until_ns = tracking.silent_from(goal, slew.end_ns, self.settings)
+            start = tracking.arrived(slew)
+            found = tracking.pursued(Timeline((slew,)), start, until_ns, judge, self.settings)
+            if found is None:
                 self._fail("no certified stop is left after the goal's rate is reached", now_ns)
                 return None
-            segments = (slew, stop.timeline.last)
+            segments = found.timeline.segments
         return Proposal(
             segments, result.request, result.solution, result.problem, not self.timeline
         )
@@ -462,6 +506,8 @@ class Mission:
             self._planned_version = self.world.version
             flown = replace(proposal, segments=self.timeline.segments[-len(segments) :])
             self.ledger.tell_plan(Code.FLYING, "certified", self.goal, flown)
+            if self.goal is not None and self.goal.moving:
+                tracking.correct(self.flight, self.goal, now_ns)  # what came while it was planned
         return verdict
 
     def _refused(self, result: Result, now_ns: int) -> None:
@@ -560,7 +606,7 @@ class Mission:
         assert self.goal is not None  # the caller looked
         if not self.world.missing and self._last_ns and self.flight.slew is not None:
             judge = Judge(self.world, self.settings, now_ns)
-            end = Setpoint(now_ns, self.goal.quaternion, np.zeros(3), np.zeros(3))
+            end = Setpoint(now_ns, self.goal.at(now_ns), np.zeros(3), np.zeros(3))
             if judge.inside(end):
                 return
         self._request(now_ns, Reason.RETRY)

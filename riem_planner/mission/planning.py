@@ -11,6 +11,7 @@ from typing import Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from riem_planner.geometry import so3
 from riem_planner.mission.settings import Settings
 from riem_planner.mission.timeline import Setpoint
 from riem_planner.mission.zone_tracker import World
@@ -35,6 +36,7 @@ class Reason(Enum):
     REQUEST = "a request to plan anew"
     EXECUTE = "an approved plan, from the present reference"
     RETRY = "the goal is not reached yet"
+    TARGET = "the goal moves otherwise than it was told to"
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,25 +53,45 @@ class Goal:
         What it is known by: the stamp of its message, or when that came [ns].
     topic
         Where it was told.
+    since_ns
+        When a target that turns is at that attitude [ns]; None: at its stamp.
+    heard_ns
+        When its last message came [ns].
     """
 
     quaternion: Array
     rate: Array
     stamp_ns: int = 0
     topic: str = "~/goal"
+    since_ns: int | None = None
+    heard_ns: int = 0
 
     def equals(self, other: Goal | None) -> bool:
         """Whether it is the same goal, to rounding; q and -q are the same."""
-        return (
-            other is not None
-            and abs(abs(float(self.quaternion @ other.quaternion)) - 1.0) < 1e-12
-            and bool(np.all(np.abs(self.rate - other.rate) < 1e-9))
-        )
+        if other is None or np.any(np.abs(self.rate - other.rate) >= 1e-9):
+            return False
+        since_ns = self.stamp_ns if self.since_ns is None else self.since_ns
+        cosine = abs(float(self.quaternion @ other.at(since_ns)))
+        return abs(cosine - 1.0) < 1e-12
 
     @property
-    def resting(self) -> bool:
-        """Whether it is reached at rest."""
-        return not np.any(self.rate)
+    def moving(self) -> bool:
+        """Whether it turns on, so that it is met at its rate and then followed."""
+        return bool(np.any(self.rate))
+
+    def at(self, time_ns: int) -> Array:
+        """Where it is at a time [ns]: quaternion (4,)."""
+        if not self.moving:
+            return self.quaternion
+        since_ns = self.stamp_ns if self.since_ns is None else self.since_ns
+        turn = so3.quaternion_exp(self.rate * ((time_ns - since_ns) * 1e-9))
+        turned = so3.quaternion_multiply(self.quaternion, turn)
+        return np.asarray(turned / np.linalg.norm(turned))
+
+    def shifted(self, nanoseconds: int) -> Goal:
+        """The same motion, that much later; it is known by the same stamp."""
+        since_ns = self.stamp_ns if self.since_ns is None else self.since_ns
+        return replace(self, since_ns=since_ns + nanoseconds, heard_ns=self.heard_ns + nanoseconds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,6 +158,8 @@ def build_problem(
 ) -> Problem:
     """The problem from a reference state to a goal, in the world as it will be at the start.
 
+    A goal that moves is met where it will be after that duration.
+
     A duration of 0 is the least within the limits.
 
     Raises
@@ -143,9 +167,10 @@ def build_problem(
     InvalidProblemError
         A value is wrong, such as a goal on s2 that rolls.
     """
+    arrival_ns = start.stamp_ns + round(duration * 1e9)
     return Problem(
         start=state_of(start),
-        goal=State.from_quaternion_xyzw(goal.quaternion, goal.rate),
+        goal=State.from_quaternion_xyzw(goal.at(arrival_ns), goal.rate),
         duration=cast(float, duration or AUTO),  # the problem makes a number of it
         space=settings.space,
         normalized_tension=settings.normalized_tension,

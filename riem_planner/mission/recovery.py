@@ -76,11 +76,11 @@ def _stops(timeline: Timeline, settings: Settings, at_ns: int) -> Iterable[Timel
     start = without_roll(start, settings)
     gentle = gentle_acceleration(settings, segment.trajectory)
     for stop in stops(start.quaternion, start.rate, start.acceleration, gentle):
-        if _within_limits(stop, settings):
+        if within_limits(stop, settings):
             yield timeline.spliced(Segment(at_ns, stop, Purpose.STOP))
 
 
-def _within_limits(stop: Trajectory, settings: Settings) -> bool:
+def within_limits(stop: Trajectory, settings: Settings) -> bool:
     """Whether a stop keeps the limits, or at least asks no more than its own start did."""
     if settings.limits is None:
         return True

@@ -96,9 +96,8 @@ def _rows(items: Iterable[Specification], prefix: str = "") -> list[str]:
         if item.kind in ("number", "integer") or item.lengths:
             meaning += f"; {_range(item)}" if _range(item) else ""
         default = "unset" if item.default in (None, [], "") else f"`{_value(item.default)}`"
-        rows.append(
-            f"| `{prefix}{item.name}` | {default} | {meaning} | {changes.get(item.change, item.change)} |"
-        )
+        change = changes.get(item.change, item.change)
+        rows.append(f"| `{prefix}{item.name}` | {default} | {meaning} | {change} |")
     return rows
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from riem_planner.geometry import so3
@@ -72,15 +70,38 @@ def attempts(
     InvalidProblemError
         A value is wrong, such as a goal on s2 that rolls.
     """
-    anew = planning.build_problem(settings, world, start, goal, settings.duration)
+    durations = [settings.duration]
+    if goal.moving and not settings.duration:
+        durations = _durations(settings, start, goal)
+    problems = [
+        planning.build_problem(settings, world, start, goal, duration) for duration in durations
+    ]
+    anew = problems[0]
     left = 0.0 if flying is None else (flying.end_ns - start.stamp_ns) * 1e-9
-    keeping = reason in (Reason.OBSTACLE, Reason.GAIN)
+    keeping = reason in (Reason.OBSTACLE, Reason.GAIN, Reason.TARGET)
     if flying is None or not keeping or left < _TOO_LITTLE * flying.trajectory.duration:
-        return () if reason is Reason.GAIN else planning.attempts_anew(anew)
-    kept = replace(anew, duration=left)
+        if reason is Reason.GAIN:
+            return ()
+        return tuple(each for problem in problems for each in planning.attempts_anew(problem))
+    kept = planning.build_problem(settings, world, start, goal, left)
     flown = flying.trajectory
     warm_start = portion(flown, flying.elapsed(start.stamp_ns), flown.duration)
     if reason is Reason.GAIN:
         return (Attempt(kept, "global", warm_start),)
     peak = float(np.max(np.linalg.norm(flown.angular_velocities, axis=1)))
     return planning.attempts_keeping(kept, anew, warm_start, peak)
+
+
+def _durations(settings: Settings, start: Setpoint, goal: Goal) -> list[float]:
+    """Durations [s] to be tried where the least is asked for, and the target moves meanwhile."""
+    assert settings.limits is not None  # the least duration is within limits
+    angle = float(so3.quaternion_distance(start.quaternion, goal.at(start.stamp_ns)))
+    axis = np.array([1.0, 1.0, 1.0]) / np.sqrt(3.0)
+    fast = settings.limits.used(axis, np.zeros(3))
+    hard = settings.limits.used(np.zeros(3), axis)
+    speed = float(np.linalg.norm(goal.rate))
+    least = max(angle, 0.1) * max(fast.values()) + 2.5 * np.sqrt(
+        max(angle, 0.1) * max(hard.values())
+    )
+    least += 2.0 * speed * max(hard.values())
+    return [float(least * factor) for factor in (1.0, 1.4, 2.0, 3.0, 5.0)]

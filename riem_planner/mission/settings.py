@@ -172,6 +172,13 @@ SPECIFICATIONS: tuple[Specification, ...] = (
     _number(
         "tracking_bound", 0.02, "distance to the reference past which to warn [rad]", 1e-6, math.pi
     ),
+    _number(
+        "tracking_timeout",
+        5.0,
+        "a goal that moves is followed so long after its arrival and its last message [s]",
+        0.0,
+        1e6,
+    ),
     _number("input_timeout", 1.0, "a stamp older than it is stale [s]", 1e-3, 1e6),
     Specification("autostart", "flag", True, "configure and activate by itself", change="never"),
     Specification("auto_execute", "flag", True, "fly a plan without asking for ~/execute"),
@@ -353,6 +360,7 @@ class Settings:
     planning_budget: float
     replan_gain: float
     tracking_bound: float
+    tracking_timeout: float
     input_timeout: float
     autostart: bool
     auto_execute: bool

@@ -38,6 +38,7 @@ class Purpose(Enum):
     """Why a segment is flown."""
 
     SLEW = "slewing"
+    TRACK = "tracking"
     STOP = "stopping"
     WAY_OUT = "leaving a zone"
 

@@ -149,7 +149,7 @@ class Inputs:
 
     def _set_goal(self, attitude: Attitude, topic: str, now_ns: int, late: bool) -> None:
         stamp_ns = fresh_stamp(attitude.stamp, now_ns, self._settings.input_timeout)
-        goal = Goal(attitude.quaternion, attitude.rate, stamp_ns, topic)
+        goal = Goal(attitude.quaternion, attitude.rate, stamp_ns, topic, stamp_ns, now_ns)
         mission = self._desk.mission()
         if late:
             mission.ledger.pass_over(goal)
