@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from riem_planner.checks import finite_array, non_negative_number, positive_number, unit_vector
 from riem_planner.errors import InvalidProblemError
 from riem_planner.geometry import so3
-from riem_planner.goals.kinds import Goal
+from riem_planner.geometry.paths import Path
+from riem_planner.goals.kinds import Goal, PointingGoal
 from riem_planner.goals.state import HORIZONTAL_TOLERANCE, State, horizontal_rate
 from riem_planner.limits import Limits
 from riem_planner.obstacles import Forbidden, Obstacle
@@ -25,6 +26,7 @@ AUTO = "auto"
 DURATIONS = (1e-9, 1e12)
 """Least and greatest duration [s]; beyond, its powers leave the range of numbers."""
 
+_COVER = 1e-9  # relative; a path that ends this much early covers the hold but for rounding
 
 __all__ = ["AUTO", "DURATIONS", "S2", "SO3", "Problem", "Space", "State", "horizontal_rate"]
 
@@ -168,6 +170,8 @@ class Problem:
                     key, f"{type(goal).__name__} needs space so3; on s2 give a State"
                 )
             self._check_horizontal(key, goal)
+        if not self.has_auto_duration:
+            self._check_cover(key, goal)
         if self.hold > 0.0 and self.space == S2:
             raise InvalidProblemError("hold", "needs space so3; on s2 leave it out")
         if self.hold > 0.0 and isinstance(goal, State) and np.any(goal.angular_velocity):
@@ -176,6 +180,26 @@ class Problem:
                 f"{key} has an angular velocity, with which no attitude is held; give a goal with"
                 " a rate, which the hold goes on with, or one at rest",
             )
+
+    def _check_cover(self, key: str, goal: Goal) -> None:
+        """Refuse paths that do not cover the arrival and the hold."""
+        if not isinstance(goal, PointingGoal):
+            return
+        second = () if goal.second is None else ((f"{key}.second", goal.second[1]),)
+        end = self.duration + self.hold
+        for place, direction in ((key, goal.direction), *second):
+            if not isinstance(direction, Path):
+                continue
+            if direction.end < end * (1.0 - _COVER):
+                raise InvalidProblemError(
+                    f"{place}.times",
+                    f"end at {direction.end:.9g} s, before the arrival and hold at {end:.9g} s",
+                )
+            if direction.start > self.duration:
+                raise InvalidProblemError(
+                    f"{place}.times",
+                    f"begin at {direction.start:.9g} s, after the arrival at {self.duration:.9g} s",
+                )
 
     def _check_horizontal(self, key: str, state: State) -> None:
         roll = float(self.boresight @ state.angular_velocity)

@@ -11,27 +11,20 @@ from riem_planner.certificate.after_arrival import with_hold
 from riem_planner.certificate.clearance import certify_clearance
 from riem_planner.certificate.extremality import extremality, invariant_drift
 from riem_planner.certificate.limit_use import certify_limits
+from riem_planner.certificate.tolerances import (
+    ATTITUDE_TOLERANCE,
+    DURATION_TOLERANCE,
+    HALF_TURN,
+    JOIN_TOLERANCE,
+    JUMP_TOLERANCE,
+    NORM_TOLERANCE,
+    RATE_TOLERANCE,
+    ROLL_TOLERANCE,
+)
 from riem_planner.geometry import so3
 from riem_planner.limits import Limits
 from riem_planner.problem import S2, Problem, State
 from riem_planner.trajectory import Trajectory
-
-ATTITUDE_TOLERANCE = 1e-6
-"""Error of the start and goal that is still rounding [rad]."""
-RATE_TOLERANCE = 1e-6
-"""Error of rates at the ends, times `1 + |v|` [rad/s]; on S^2 also of roll at the samples."""
-ROLL_TOLERANCE = 1e-3
-"""Roll between samples on S^2, per greatest rate: what interpolation may add."""
-NORM_TOLERANCE = 1e-9
-"""Of a sample's quaternion."""
-DURATION_TOLERANCE = 1e-9
-"""Relative."""
-JOIN_TOLERANCE = 1e-9
-"""Mismatch of two quintics where they meet [rad]; of rates times h, of accelerations times h^2."""
-JUMP_TOLERANCE = 0.1
-"""Turn to the next sample that the rates leave unexplained, per greatest rate times h."""
-HALF_TURN = 0.9 * math.pi
-"""Samples further apart than this [rad] leave open which way round the attitude goes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +87,8 @@ def certify(
     trajectory: Trajectory,
     problem: Problem,
     limits: Limits | None = None,
+    *,
+    hold: Trajectory | None = None,
 ) -> Certificate:
     """Judge a published trajectory by itself: nothing of the solver is believed.
 
@@ -105,6 +100,8 @@ def certify(
         What it has to fulfil; where its duration is automatic, that of the trajectory counts.
     limits
         What the spacecraft can do; by default the problem's.
+    hold
+        What follows the arrival, where the problem asks for a hold; by default the hold itself.
     """
     if problem.has_auto_duration:
         problem = replace(problem, duration=trajectory.duration)
@@ -120,7 +117,8 @@ def certify(
         problem.boresight,
         problem.space == S2,
     ).tolist()
-    cleared = with_hold(certify_clearance(trajectory, problem.forbidden), trajectory, problem)
+    cleared = certify_clearance(trajectory, problem.forbidden)
+    cleared = with_hold(cleared, trajectory, problem, hold)
     within = certify_limits(
         trajectory, problem.limits if limits is None else limits, problem.total_momentum
     )

@@ -16,7 +16,7 @@ from riem_planner.certificate import Certificate, certify
 from riem_planner.errors import InvalidProblemError
 from riem_planner.files.documents import decoded, parse_json
 from riem_planner.files.problem_writing import problem_document
-from riem_planner.files.section import shown
+from riem_planner.files.section import shown, within
 from riem_planner.problem import Problem
 from riem_planner.riem_plan.planning import Plan, with_duration_of
 from riem_planner.trajectory import Trajectory
@@ -53,8 +53,12 @@ def plan_document(plan: Plan) -> dict[str, Any]:
         document["boundary_error"] = list(certificate.boundary_error)
         document["rate_bound"] = certificate.rate_bound
         document["limits_left"] = certificate.limit_margins
+    if solution.goal_index is not None:
+        document["goal_index"] = solution.goal_index
     document["problem"] = problem_document(plan.problem)
     document.update(_samples(plan.trajectory))
+    if plan.hold is not None and plan.trajectory is not None:
+        document["hold"] = _samples(plan.hold, plan.trajectory.duration)
     return document
 
 
@@ -80,11 +84,11 @@ def degrees(angles: dict[str, float]) -> dict[str, float]:
     return {name: math.degrees(angle) for name, angle in angles.items()}
 
 
-def _samples(trajectory: Trajectory | None) -> dict[str, list[Any]]:
+def _samples(trajectory: Trajectory | None, begin: float = 0.0) -> dict[str, list[Any]]:
     if trajectory is None:
         return {name: [] for name in _SAMPLES}
     values = (
-        trajectory.times,
+        begin + trajectory.times,
         trajectory.quaternions_xyzw,
         trajectory.angular_velocities,
         trajectory.angular_accelerations,
@@ -132,15 +136,35 @@ def planned_trajectory(document: dict[str, Any]) -> Trajectory | None:
     InvalidProblemError
         Its samples are no trajectory.
     """
-    if not document["times"]:
+    return _trajectory_of(document) if document["times"] else None
+
+
+def planned_hold(document: dict[str, Any]) -> Trajectory | None:
+    """The hold of a plan's document, its time counted from the arrival; None if it has none.
+
+    Raises
+    ------
+    InvalidProblemError
+        Its samples are no trajectory.
+    """
+    hold = document.get("hold")
+    if hold is None:
         return None
+    if not isinstance(hold, dict) or any(name not in hold for name in _SAMPLES):
+        raise InvalidProblemError("hold", f"expected the samples {', '.join(_SAMPLES)}")
+    with within("hold"):
+        return _trajectory_of(hold, float(document["times"][-1]))
+
+
+def _trajectory_of(document: dict[str, Any], begin: float = 0.0) -> Trajectory:
     arrays = []
     for name in _SAMPLES:
         try:
             arrays.append(np.array(document[name], dtype=float))
         except (TypeError, ValueError, OverflowError):
             raise InvalidProblemError(name, "expected rows of numbers of one length") from None
-    return Trajectory(*arrays)
+    times, *values = arrays
+    return Trajectory(times - begin, *values)
 
 
 def check_plan(document: dict[str, Any], problem: Problem) -> tuple[Certificate, list[str]]:
@@ -163,7 +187,11 @@ def check_plan(document: dict[str, Any], problem: Problem) -> tuple[Certificate,
     trajectory = planned_trajectory(document)
     if trajectory is None:
         raise InvalidProblemError("times", "the plan holds no trajectory")
-    certificate = certify(trajectory, with_duration_of(problem, trajectory))
+    timed = with_duration_of(problem, trajectory)
+    hold = planned_hold(document)
+    if hold is None and timed.hold > 0.0:
+        raise InvalidProblemError("hold", f"missing; the problem asks for {timed.hold:g} s of it")
+    certificate = certify(trajectory, timed, hold=hold)
     return certificate, _unproven_claims(document, certificate)
 
 

@@ -13,20 +13,21 @@ from typing import Any
 
 import numpy as np
 
-from riem_planner.checks import unit_vector
 from riem_planner.errors import InvalidProblemError
 from riem_planner.files.attitudes import ATTITUDE_KEYS, read_attitude
 from riem_planner.files.documents import decoded, parse_json, parse_yaml
-from riem_planner.files.section import Section, joined, number_at, shown, within
+from riem_planner.files.end_states import check_end_states, read_goal, read_state
+from riem_planner.files.places import read_direction
+from riem_planner.files.section import Section, number_at, shown
 from riem_planner.geometry import so3
 from riem_planner.limits import QUANTITIES, UNITS, WHEELS, Limits, Wheel, checked_inertia
 from riem_planner.obstacles import Obstacle, OrientationObstacle, Zone
-from riem_planner.problem import AUTO, S2, SO3, Problem, Space, State, horizontal_rate
+from riem_planner.problem import AUTO, S2, SO3, Problem
 
 _SPACES = {space.name: space for space in (SO3, S2)}
 _TOP = (
     "name", "space", "boresight", "duration", "tension", "normalized_tension", "start", "goal",
-    "obstacles", "limits", "inertia", "total_momentum",
+    "hold", "obstacles", "limits", "inertia", "total_momentum",
 )  # fmt: skip
 _COMMON = ("name", "kind", "strength", "normalized_strength", "rate")
 _OBSTACLE_KEYS = {
@@ -35,10 +36,6 @@ _OBSTACLE_KEYS = {
     "keep_in": (*_COMMON, "direction", "boresight", "half_angle_deg", "group"),
 }
 _LIMIT = "a number above 0, or three of them"
-
-
-class StateInZoneError(InvalidProblemError):
-    """The start or the goal of a problem is inside a zone."""
 
 
 def read_problem(path: Path) -> Problem:
@@ -65,11 +62,11 @@ def parse_problem(document: Any) -> Problem:
     top = Section("", document, _TOP)
     space = _SPACES[top.choice("space", tuple(_SPACES))]
     name = top.text("name", "")
-    boresight = _direction(top, "boresight", [1.0, 0.0, 0.0])
+    boresight = read_direction(top, "boresight", [1.0, 0.0, 0.0])
     limits = _limits(top)
     problem = Problem(
-        start=_state(top, "start", space, boresight),
-        goal=_state(top, "goal", space, boresight),
+        start=read_state(top, "start", space, boresight),
+        goal=read_goal(top, space, boresight),
         duration=_duration(top, limits),
         space=space,
         tension=top.number("tension", None),
@@ -79,8 +76,9 @@ def parse_problem(document: Any) -> Problem:
         name=name,
         limits=limits,
         total_momentum=top.numbers("total_momentum", 3, [0.0, 0.0, 0.0]),
+        hold=top.number("hold", 0.0),
     )
-    _check_end_states(problem, top)
+    check_end_states(problem, top)
     return problem
 
 
@@ -134,7 +132,7 @@ def _wheels(section: Section) -> tuple[Wheel, ...]:
             )
             for name, unit in (("torque", "N m"), ("momentum", "N m s"))
         }
-        wheels.append(Wheel(_direction(wheel, "axis"), **most))
+        wheels.append(Wheel(read_direction(wheel, "axis"), **most))
     return tuple(wheels)
 
 
@@ -174,57 +172,6 @@ def _inertia(top: Section) -> Any:
     return checked_inertia(np.reshape(numbers, (3, 3)))
 
 
-def _direction(section: Section, name: str, default: Any = None) -> Any:
-    options = {} if default is None else {"default": default}
-    vector = section.numbers(name, 3, expected="a direction, a list of 3 numbers", **options)
-    with within(section.path):
-        return unit_vector(name, vector)
-
-
-def _state(top: Section, name: str, space: Space, boresight: Any) -> State:
-    keys = [*ATTITUDE_KEYS, "angular_velocity"]
-    if space == S2:
-        keys += ["direction", "velocity"]
-    section = Section(name, top.value(name, expected="an end state"), keys)
-    if space == S2:
-        attitude = bool(section.given(*ATTITUDE_KEYS))
-        if attitude == ("direction" in section):
-            raise InvalidProblemError(
-                name,
-                "expected either direction or orientation on s2, got "
-                + ("both; remove one" if attitude else "neither; give one"),
-            )
-    if "direction" in section:
-        return _state_of_direction(section, boresight)
-    quaternion = read_attitude(section)
-    rate = section.numbers("angular_velocity", 3, [0.0, 0.0, 0.0])
-    with within(name):
-        state = State.from_quaternion_xyzw(quaternion, rate)
-    if "velocity" not in section:
-        return state
-    if "angular_velocity" in section:
-        raise InvalidProblemError(
-            section.key("velocity"),
-            "given beside angular_velocity, which says the same; remove one",
-        )
-    velocity = np.array(section.numbers("velocity", 3))
-    R = state.orientation
-    with within(name):
-        return State(R, horizontal_rate(R, R @ boresight, velocity, boresight))
-
-
-def _state_of_direction(section: Section, boresight: Any) -> State:
-    if "angular_velocity" in section:
-        raise InvalidProblemError(
-            section.key("angular_velocity"),
-            "a direction moves with a velocity [rad/s], tangent to the sphere; give that",
-        )
-    direction = _direction(section, "direction")
-    velocity = section.numbers("velocity", 3, [0.0, 0.0, 0.0])
-    with within(section.path):
-        return State.from_direction(direction, velocity, boresight)
-
-
 def _obstacles(top: Section) -> list[Obstacle]:
     entries = top.value("obstacles", [])
     if not isinstance(entries, list):
@@ -249,9 +196,9 @@ def _obstacle(path: str, entry: Any) -> Obstacle:
         attitude = so3.quaternion_to_matrix(read_attitude(section))
         return OrientationObstacle(attitude, radius=math.radians(radius_deg), **common)
     return Zone(
-        _direction(section, "direction"),
+        read_direction(section, "direction"),
         math.radians(radius_deg),
-        boresight=_direction(section, "boresight") if "boresight" in section else None,
+        boresight=read_direction(section, "boresight") if "boresight" in section else None,
         kind="keep_in" if kind == "keep_in" else "keep_out",
         group=section.text("group", None),
         **common,
@@ -297,36 +244,3 @@ def _range(section: Section, radius_deg: float, size: str) -> tuple[float, float
             f"expected {size} < on < off < 180, got {size} {radius_deg:g}, on {on:g}, off {off:g}",
         )
     return math.radians(on), math.radians(off)
-
-
-def _check_end_states(problem: Problem, top: Section) -> None:
-    """Refuse a start or a goal inside a zone; a goal's zones stand where they are at the end."""
-    arrival = problem.duration if problem.forbidden.moving else 0.0
-    ends = [("start", problem.start, 0.0), ("goal", problem.arrival, arrival)]
-    if math.isinf(arrival):
-        ends.pop()  # where the zones will be is not known yet
-    for key, state, time in ends:
-        for name, margin in problem.margins(state.orientation, time).items():
-            if margin <= 0.0:
-                raise _in_zone(problem, top, key, name, margin)
-
-
-def _in_zone(
-    problem: Problem, top: Section, key: str, name: str, margin: float
-) -> StateInZoneError:
-    given = next(name for name in ("direction", *ATTITUDE_KEYS) if name in top.value(key))
-    value = shown(top.value(key)[given])
-    degrees = math.degrees(-margin)
-    names = {str(obstacle.name): obstacle for obstacle in problem.obstacles}
-    obstacle = names.get(name)
-    if isinstance(obstacle, Zone) and obstacle.kind == "keep_out":
-        where = f"is {degrees:.4g} degrees inside the keep_out zone {name!r}"
-        remedy = "move it out, or make the zone smaller"
-    elif isinstance(obstacle, OrientationObstacle):
-        where = f"is {degrees:.4g} degrees inside the radius of the obstacle {name!r}"
-        remedy = "move it out, or make the radius smaller"
-    else:
-        what = "the keep_in zone" if obstacle is not None else "every zone of the keep_in group"
-        where = f"is {degrees:.4g} degrees outside {what} {name!r}"
-        remedy = "move it in, or make the zone larger"
-    return StateInZoneError(joined(key, given), f"{value} {where}; {remedy}")

@@ -7,6 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from riem_planner.geometry import so3
+from riem_planner.geometry.paths import Path, Turning
+from riem_planner.goals import AttitudeGoal, Goal
 from riem_planner.limits import QUANTITIES, Limits
 from riem_planner.obstacles import Obstacle, OrientationObstacle
 from riem_planner.problem import AUTO, Problem, State
@@ -22,16 +25,45 @@ def problem_document(problem: Problem) -> dict[str, Any]:
         document["normalized_tension"] = problem.normalized_tension
     else:
         document["tension"] = problem.sigma
-    for key, state in (("start", problem.start), ("goal", problem.arrival)):
-        document[key] = {
-            "orientation": state.quaternion_xyzw.tolist(),
-            "angular_velocity": state.angular_velocity.tolist(),
-        }
+    document["start"] = _state_document(problem.start)
+    goals = [_goal_document(goal) for goal in problem.goals]
+    document["goal"] = {"any_of": goals} if isinstance(problem.goal, tuple) else goals[0]
+    if problem.hold > 0.0:
+        document["hold"] = problem.hold
     document["obstacles"] = [_obstacle_document(obstacle) for obstacle in problem.obstacles]
     if problem.limits is not None:
         document.update(_limits_document(problem.limits))
     if np.any(problem.total_momentum):
         document["total_momentum"] = problem.total_momentum.tolist()
+    return document
+
+
+def _state_document(state: State) -> dict[str, Any]:
+    return {
+        "orientation": state.quaternion_xyzw.tolist(),
+        "angular_velocity": state.angular_velocity.tolist(),
+    }
+
+
+def _goal_document(goal: Goal) -> dict[str, Any]:
+    if isinstance(goal, State):
+        return _state_document(goal)
+    if isinstance(goal, AttitudeGoal):
+        q = so3.matrix_to_quaternion(goal.orientation)
+        return {"orientation": q.tolist(), "rate": goal.rate.tolist()}
+    document = {"boresight": goal.boresight.tolist(), **_place_document(goal.direction)}
+    if goal.second is not None:
+        boresight, direction = goal.second
+        document["second"] = {"boresight": boresight.tolist(), **_place_document(direction)}
+    return document
+
+
+def _place_document(place: Turning | Path) -> dict[str, Any]:
+    if isinstance(place, Path):
+        return {"times": place.times.tolist(), "directions": place.directions.tolist()}
+    document = {"direction": place.direction.tolist()}
+    if np.any(place.rate):
+        document["rate"] = place.rate.tolist()
     return document
 
 

@@ -20,8 +20,9 @@ from typing import NamedTuple
 
 from riem_planner.errors import InvalidProblemError
 from riem_planner.files.documents import decoded, parse_json
+from riem_planner.files.end_states import StateInZoneError
 from riem_planner.files.plan_files import encoded, plan_document, refused_document
-from riem_planner.files.problem_files import StateInZoneError, parse_problem
+from riem_planner.files.problem_files import parse_problem
 from riem_planner.riem_plan.planning import plan_problem
 from riem_planner.solution import Status
 from riem_planner.solve import warm_up

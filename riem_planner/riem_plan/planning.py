@@ -9,6 +9,7 @@ import numpy as np
 
 from riem_planner.certificate import Certificate, certify
 from riem_planner.geometry import so3
+from riem_planner.hold import hold_trajectory
 from riem_planner.problem import Problem
 from riem_planner.riem_plan.least_torque import check_least_torque, with_least_torque
 from riem_planner.solution import Solution, Status
@@ -34,12 +35,15 @@ class Plan:
         The evenly sampled trajectory; None unless certified.
     certificate
         The verdict on that trajectory itself; None where there is none to judge.
+    hold
+        What follows the trajectory, where the problem asks for a hold.
     """
 
     problem: Problem
     solution: Solution
     trajectory: Trajectory | None = None
     certificate: Certificate | None = None
+    hold: Trajectory | None = None
 
     @property
     def certified(self) -> bool:
@@ -109,7 +113,9 @@ def _publish(problem: Problem, solution: Solution, samples: int) -> Plan:
         certificate = certify(sampled, problem)
         if certificate.certified:
             notes = (*solution.notes, *_sampling_notes(solution.trajectory, sampled, samples))
-            return Plan(problem, replace(solution, notes=notes), sampled, certificate)
+            reached = problem.with_goal(solution.goal_index or 0)
+            hold = hold_trajectory(reached, sampled)
+            return Plan(problem, replace(solution, notes=notes), sampled, certificate, hold)
         count = 2 * count - 1
     refused = replace(
         solution,

@@ -10,8 +10,8 @@ import pytest
 
 from riem_planner.errors import InvalidProblemError
 from riem_planner.files.documents import parse_json, parse_yaml
+from riem_planner.files.end_states import StateInZoneError
 from riem_planner.files.problem_files import (
-    StateInZoneError,
     parse_problem,
     read_problem,
 )
