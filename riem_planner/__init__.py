@@ -1,6 +1,9 @@
 """Certified attitude trajectories that keep away from obstacles on SO(3) and S^2."""
 
+from typing import TYPE_CHECKING, Any
+
 from riem_planner.certificate import Certificate, certify
+from riem_planner.cost import trajectory_cost
 from riem_planner.errors import InvalidProblemError, PlanningError, RiemPlannerError
 from riem_planner.extremals import extremal
 from riem_planner.limits import Limits, Wheel
@@ -8,7 +11,12 @@ from riem_planner.obstacles import OrientationObstacle, Zone
 from riem_planner.problem import S2, SO3, Problem, Space, State
 from riem_planner.solution import Alternative, Solution, Status
 from riem_planner.solve import plan, solve, solve_many, warm_up
+from riem_planner.solver.watch import StopFlag
 from riem_planner.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from riem_planner.files.problem_files import read_problem as load_problem
+    from riem_planner.plots.plots import plot_plan as plot
 
 __version__ = "0.1.0"
 
@@ -27,13 +35,33 @@ __all__ = [
     "Space",
     "State",
     "Status",
+    "StopFlag",
     "Trajectory",
     "Wheel",
     "Zone",
     "certify",
     "extremal",
+    "load_problem",
     "plan",
+    "plot",
     "solve",
     "solve_many",
+    "trajectory_cost",
     "warm_up",
 ]
+
+# What reads files and draws takes time to import, which only those pay who ask for it.
+_LATER = {
+    "load_problem": ("riem_planner.files.problem_files", "read_problem"),
+    "plot": ("riem_planner.plots.plots", "plot_plan"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import what is asked for late."""
+    if name not in _LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    module, attribute = _LATER[name]
+    return getattr(import_module(module), attribute)
