@@ -12,10 +12,10 @@ ROOT = Path(__file__).resolve().parent
 
 def version() -> str:
     """Return the one version string, from the package itself."""
-    text = (ROOT / PACKAGE / "__init__.py").read_text(encoding="utf-8")
+    text = (ROOT / PACKAGE / "version.py").read_text(encoding="utf-8")
     found = re.search(r'^__version__ = "([^"]+)"$', text, re.MULTILINE)
     if found is None:
-        raise RuntimeError(f"{PACKAGE}/__init__.py has no line __version__ = ...")
+        raise RuntimeError(f"{PACKAGE}/version.py has no line __version__ = ...")
     return found.group(1)
 
 

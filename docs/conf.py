@@ -4,11 +4,11 @@ import re
 from pathlib import Path
 
 _ROOT = Path(__file__).resolve().parents[1]
-_INIT = (_ROOT / "riem_planner/__init__.py").read_text(encoding="utf-8")
+_VERSION = (_ROOT / "riem_planner/version.py").read_text(encoding="utf-8")
 
 project = "riem_planner"
 author = copyright = "riem_planner maintainers"  # noqa: A001  Sphinx's name
-version = release = re.search(r'__version__ = "([^"]+)"', _INIT)[1]
+version = release = re.search(r'__version__ = "([^"]+)"', _VERSION)[1]
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
 exclude_patterns = ["_build"]

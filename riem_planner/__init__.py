@@ -4,21 +4,20 @@ from typing import TYPE_CHECKING, Any
 
 from riem_planner.certificate import Certificate, certify
 from riem_planner.cost import trajectory_cost
-from riem_planner.errors import InvalidProblemError, PlanningError, RiemPlannerError
+from riem_planner.errors import InvalidProblemError, RiemPlannerError
 from riem_planner.extremals import extremal
 from riem_planner.limits import Limits, Wheel
 from riem_planner.obstacles import OrientationObstacle, Zone
 from riem_planner.problem import S2, SO3, Problem, Space, State
-from riem_planner.solution import Alternative, Solution, Status
+from riem_planner.solution import Alternative, PlanningError, Solution, Status
 from riem_planner.solve import plan, solve, solve_many, warm_up
 from riem_planner.solver.watch import StopFlag
 from riem_planner.trajectory import Trajectory
+from riem_planner.version import __version__
 
 if TYPE_CHECKING:
     from riem_planner.files.problem_files import read_problem as load_problem
     from riem_planner.plots.plots import plot_plan as plot
-
-__version__ = "0.1.0"
 
 __all__ = [
     "S2",
@@ -39,6 +38,7 @@ __all__ = [
     "Trajectory",
     "Wheel",
     "Zone",
+    "__version__",
     "certify",
     "extremal",
     "load_problem",

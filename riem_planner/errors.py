@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from riem_planner.solution import Solution
-
 
 class RiemPlannerError(Exception):
     """Root of every error that the package raises on purpose."""
@@ -27,11 +22,3 @@ class InvalidProblemError(RiemPlannerError, ValueError):
         self.key = key
         self.problem = problem
         super().__init__(f"{key}: {problem}")
-
-
-class PlanningError(RiemPlannerError):
-    """No certified trajectory was found; carries the whole solution as evidence."""
-
-    def __init__(self, solution: Solution) -> None:
-        self.solution = solution
-        super().__init__(solution.message)

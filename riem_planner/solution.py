@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from riem_planner.certificate import Certificate
+from riem_planner.errors import RiemPlannerError
 from riem_planner.trajectory import Trajectory
 
 
@@ -107,3 +108,11 @@ class Solution:
     def solved(self) -> bool:
         """Whether there is a certified trajectory."""
         return self.status is Status.SOLVED
+
+
+class PlanningError(RiemPlannerError):
+    """No certified trajectory was found; carries the whole solution as evidence."""
+
+    def __init__(self, solution: Solution) -> None:
+        self.solution = solution
+        super().__init__(solution.message)

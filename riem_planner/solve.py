@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from riem_planner.certificate import Certificate, certify
 from riem_planner.duration import advised, solve_auto
-from riem_planner.errors import PlanningError
 from riem_planner.geometry import so3
 from riem_planner.goals import PointingGoal
 from riem_planner.hold import contact, hold_trajectory
@@ -23,7 +22,7 @@ from riem_planner.limits import Limits
 from riem_planner.obstacles import OrientationObstacle, Zone
 from riem_planner.obstacles.potential import margins_along, rounding, row_margins
 from riem_planner.problem import S2, SO3, Problem, State
-from riem_planner.solution import Alternative, Solution, Status
+from riem_planner.solution import Alternative, PlanningError, Solution, Status
 from riem_planner.solver import shooting
 from riem_planner.solver.curves import crosses_cut, shift_end
 from riem_planner.solver.descent import positive_definite

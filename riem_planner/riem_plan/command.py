@@ -174,8 +174,8 @@ def _plan_one(options: argparse.Namespace) -> int:
 
 
 def _page(plan: Plan) -> str:
-    from riem_planner import __version__
     from riem_planner.page import plan_page
+    from riem_planner.version import __version__
 
     return plan_page(
         plan.problem, plan.solution, plan.trajectory, plan.certificate, version=__version__
