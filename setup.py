@@ -62,7 +62,9 @@ setup(
             "ros-jazzy-common-interfaces==5.3.6",
             "ros-jazzy-rmw-fastrtps-cpp==8.4.3",
         ],
-        "test": ["hypothesis>=6.98", "pytest>=7.4"],
+        # Balls of numbers, for riem_check.
+        "proof": ["python-flint>=0.7"],
+        "test": ["hypothesis>=6.98", "pytest>=7.4", "python-flint>=0.7"],
     },
     zip_safe=False,
     entry_points={
@@ -71,6 +73,7 @@ setup(
             "spacecraft_sim = riem_planner.spacecraft_sim.main:main",
             "riem_plan = riem_planner.riem_plan.command:main",
             "riem_figures = riem_planner.paper.figures:main",
+            "riem_check = riem_planner.proof.check:main",
         ],
     },
 )

@@ -7,7 +7,7 @@ import pytest
 
 from riem_planner import warm_up
 
-for folder in ("mission", "node", "page"):
+for folder in ("mission", "node", "page", "proof"):
     sys.path.insert(0, str(Path(__file__).parent / folder))
 
 
