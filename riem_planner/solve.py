@@ -7,12 +7,14 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
-from typing import TYPE_CHECKING, Any, Literal, overload
+from itertools import islice
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from riem_planner.certificate import Certificate, certify
+from riem_planner.cost import trajectory_cost
 from riem_planner.duration import advised, solve_auto
 from riem_planner.geometry import so3
 from riem_planner.goals import PointingGoal
@@ -26,8 +28,9 @@ from riem_planner.solution import Alternative, PlanningError, Solution, Status
 from riem_planner.solver import shooting
 from riem_planner.solver.curves import crosses_cut, shift_end
 from riem_planner.solver.descent import positive_definite
-from riem_planner.solver.ends import settled
+from riem_planner.solver.ends import hold_cost, settled
 from riem_planner.solver.extremal import Extremal, extremal_near
+from riem_planner.solver.rescue import remedies
 from riem_planner.solver.search import (
     WORTHLESS,
     Curve,
@@ -58,6 +61,10 @@ _CUT_SAMPLES = 100  # an interval, for the part of the cost that rounding the cu
 _NOTE_FAMILY = (
     "one of many ways of nearly equal cost round an obstacle; which of them is cheapest was not"
     " determined, so that no error is stated; the certificate holds all the same"
+)
+_NOTE_UNSETTLED = (
+    "certified, but no extremal: shooting on the first-order conditions failed, and the path comes"
+    " from {}; its cost is its own, and a cheaper path may be near"
 )
 _NOTE_CUT = (
     "the trajectory passes the cut locus of an obstacle (distance pi), where the plain potential"
@@ -269,10 +276,59 @@ def _solve(
     solution = _best(problem, setup, found, tolerance, watch, 1 if local else _MOST_RESULTS)
     # Where only limits are broken there are paths enough, and the answer is a longer duration.
     settled = solution.solved or solution.status is Status.LIMITS_EXCEEDED
-    if local or settled or not watch.has_time_for(_ROADMAP_TIME):
+    if settled:
+        return solution
+    rescued = _rescued(problem, setup, found, tolerance, watch, warm_start)
+    if rescued is not None:
+        return rescued
+    if local or not watch.has_time_for(_ROADMAP_TIME):
         return solution
     found = roadmap_search(setup, watch)
-    return _best(problem, setup, found, tolerance, watch, _MOST_RESULTS)
+    solution = _best(problem, setup, found, tolerance, watch, _MOST_RESULTS)
+    if solution.solved:
+        return solution
+    return _rescued(problem, setup, found, tolerance, watch, None) or solution
+
+
+def _rescued(
+    problem: Problem,
+    setup: Setup,
+    found: Search,
+    tolerance: float,
+    watch: Watch,
+    warm_start: Trajectory | None,
+) -> Solution | None:
+    """The cheapest certified path of the first remedy that has one; None if none has."""
+    for remedy in remedies(setup, found, tolerance, watch, warm_start):
+        answers: list[Certified] = []
+        try:
+            for chain in remedy.chains:
+                certified = (_certified(problem, setup, path) for path in chain)
+                answers.extend(islice((answer for answer in certified if answer), 1))
+        except InterruptedSolveError:
+            if not answers:
+                raise
+        if answers:
+            return _solution(problem, setup, answers, tolerance, watch, remedy.name)
+    return None
+
+
+def _certified(problem: Problem, setup: Setup, path: Extremal) -> Certified | None:
+    """A path with its trajectory and own cost, if that is certified."""
+    trajectory = published(problem, setup, path)
+    certificate = certify(trajectory, problem)
+    if not certificate.certified:
+        return None
+    if not path.settled:
+        path = replace(path, cost=_cost_of(problem, setup, trajectory))
+    return Certified(path, trajectory, certificate)
+
+
+def _cost_of(problem: Problem, setup: Setup, trajectory: Trajectory) -> float:
+    """Normalised cost of a trajectory by quadrature, with that of a hold."""
+    end = so3.quaternion_multiply(trajectory.quaternions_xyzw[-1], setup.body)
+    held: float = hold_cost(setup.table, setup.held, end)
+    return trajectory_cost(trajectory, problem) * problem.duration**3 + held
 
 
 def _end_in_zone(problem: Problem, setup: Setup) -> Solution | None:
@@ -299,7 +355,7 @@ def _best(
 ) -> Solution:
     """The cheapest of `enough` certified extremals near the curves, the others as alternatives."""
     extremals: list[Extremal] = []
-    certified: list[tuple[Extremal, Trajectory, Certificate]] = []
+    certified: list[Certified] = []
     refused: Certificate | None = None
     for curve in found.minima:
         worthless = bool(extremals) and curve.cost > WORTHLESS * extremals[0].cost
@@ -314,7 +370,7 @@ def _best(
         trajectory = published(problem, setup, extremal)
         certificate = certify(trajectory, problem)
         if certificate.certified:
-            certified.append((extremal, trajectory, certificate))
+            certified.append(Certified(extremal, trajectory, certificate))
         elif refused is None or certificate.breaks_only_limits > refused.breaks_only_limits:
             refused = certificate
     if not certified:
@@ -326,10 +382,30 @@ def _best(
             f"no certified trajectory: {why}; {status.advice}",
             certificate=refused,
         )
-    certified.sort(key=lambda item: item[0].cost * (1.0 + item[0].cost_error))
+    return _solution(problem, setup, certified, tolerance, watch)
+
+
+class Certified(NamedTuple):
+    """A path, the trajectory that it is published as, and the verdict on that."""
+
+    path: Extremal
+    trajectory: Trajectory
+    certificate: Certificate
+
+
+def _solution(
+    problem: Problem,
+    setup: Setup,
+    certified: list[Certified],
+    tolerance: float,
+    watch: Watch,
+    remedy: str = "",
+) -> Solution:
+    """The cheapest of certified paths as the answer, the others as its alternatives."""
+    certified = sorted(certified, key=lambda item: item.path.cost)
     scale = problem.duration**-3
     best, trajectory, certificate = certified[0]
-    if setup.pointing:
+    if setup.pointing and best.settled:
         trajectory = _without_roll(problem, setup, best, trajectory)
         certificate = certify(trajectory, problem)
     alternatives = tuple(
@@ -340,8 +416,10 @@ def _best(
     if crosses_cut(setup.table, best.times, best.states).any():
         notes.append(_NOTE_CUT)
     notes += _goal_notes(problem)
-    converged = best.error <= tolerance and best.cost_error <= tolerance
-    if not np.isfinite(best.error):
+    converged = best.settled and best.error <= tolerance and best.cost_error <= tolerance
+    if not best.settled:
+        notes.append(_NOTE_UNSETTLED.format(remedy))
+    elif not np.isfinite(best.error):
         notes.append(_NOTE_FAMILY)
     elif not converged:
         notes.append(
@@ -356,7 +434,7 @@ def _best(
         cost=scale * _stated_cost(problem, setup, best, trajectory),
         trajectory_error=best.error,
         cost_error=best.cost_error,
-        local_minimum=_is_minimum(setup, best),
+        local_minimum=_is_minimum(setup, best) if best.settled else None,
         converged=converged,
         alternatives=alternatives,
         hold=hold_trajectory(problem, trajectory),
@@ -416,6 +494,8 @@ def _stated_cost(
     problem: Problem, setup: Setup, extremal: Extremal, trajectory: Trajectory
 ) -> float:
     """Normalised cost with the potentials as stated, kinks at the cut locus included."""
+    if not extremal.settled:
+        return extremal.cost
     crossing = crosses_cut(setup.table, extremal.times, extremal.states)
     near = np.flatnonzero(crossing.any(axis=0))
     if near.size == 0:

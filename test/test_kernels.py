@@ -4,7 +4,7 @@ import ast
 from pathlib import Path
 
 import riem_planner
-from riem_planner.kernels import _COMPILED_ROOMS
+from riem_planner.kernels import _COMPILED_ROOMS, _CONSTANTS, _IMPORT
 
 PACKAGE = Path(riem_planner.__file__).parent
 DECORATORS = {"kernel", "brief_kernel", "inlined"}
@@ -24,3 +24,5 @@ def test_every_file_with_kernels_counts_for_the_cache():
     holding = {path for path in PACKAGE.rglob("*.py") if _holds_kernels(path)}
     assert holding
     assert {path.name for path in holding - counted} == set()
+    unread = [p for p in holding if _IMPORT not in p.read_bytes() and p.name not in _CONSTANTS]
+    assert unread == []

@@ -30,7 +30,10 @@ _HALVING, _HALVING_AT_CUT = 128.0, 8.0
 # What an error of (attitude, v, a, j) makes of the attitude in unit time, roughly.
 _EFFECT = np.repeat([1.0, 1.0, 1 / 2, 1 / 6], 3)
 _SAFETY = 2.0  # of the error estimates, which are of first order
-_ROUNDING = 1e-8  # defects that no longer halve below this are rounding
+_ROUNDING = 1e-8  # defects that no longer halve below this are rounding, ...
+_ORDINARY = 100.0  # ... of states as great as this
+# Of an interval's cost; halving the step changes more only where the method's order does not show.
+_ORDERLY = 1e-4
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,8 @@ class Extremal:
     error, cost_error
         Estimates [rad], and relative. The error is infinite for one of a near family of extremals
         that was turned to meet the goal: which of them is the solution is not known.
+    settled
+        Whether it solves the first-order conditions; if not, it is a curve as good as was found.
     """
 
     times: Array
@@ -54,6 +59,7 @@ class Extremal:
     cost: float
     error: float
     cost_error: float
+    settled: bool = True
 
 
 def extremal_near(
@@ -117,7 +123,7 @@ def _on_mesh(
     size, previous = far, np.inf
     residual, sensitivity = np.inf, 1.0
     gain, local, difference = np.zeros(M), np.zeros((M, 12)), np.zeros(M)
-    polished, missed = False, 0.0
+    polished, stalled, missed = False, False, 0.0
     limited, held = valley < np.inf, False
     for count in range(_MOST_NEWTON_STEPS):
         near = size < _NEAR
@@ -126,7 +132,8 @@ def _on_mesh(
             residual = shooting.measure(*fixed, defects, middles, costs, interpolation)
             if residual == np.inf:
                 return None  # it runs through an obstacle
-            stalled = residual > 0.5 * before and residual < _ROUNDING
+            rounded = _ROUNDING * max(1.0, float(np.abs(states[:, 4:]).max()) / _ORDINARY)
+            stalled = residual > 0.5 * before and residual < rounded
             met = missed <= tolerance or held
             if polished and met and (sensitivity * residual <= 0.1 * tolerance or stalled):
                 break
@@ -139,7 +146,8 @@ def _on_mesh(
         missed = shooting.newton(*fixed, setup.goal, defects, near, gain, most, whole, step, left)
         if missed == np.inf:
             return None
-        previous = size
+        # The first step on half steps makes good for what whole ones did not see.
+        previous = np.inf if near and not polished else size
         size = shooting.advance(states, step, 1.0)
         if not size < _DIVERGED or size > 4.0 * (max(previous, valley) if limited else previous):
             return None
@@ -156,10 +164,13 @@ def _on_mesh(
     cost = float(costs.sum()) + hold_cost(setup.table, setup.held, states[-1, :4])
     # What the half steps' own errors make of the solution, and the defects that are left.
     own = float(np.linalg.norm(left[:, :3], axis=1).max())
-    discretisation = _SAFETY * (own + sensitivity * residual)
+    # Where the defects are rounding, Newton's next step is no longer than the last one.
+    rest = min(size, sensitivity * residual) if stalled else sensitivity * residual
+    discretisation = _SAFETY * (own + rest)
     between = _SAFETY * interpolation
     error = discretisation + float(between.max())
-    cost_error = float(gain @ difference) / max(cost, 1e-300)
+    cost_gain = np.where(difference > _ORDERLY * np.abs(costs), 1.0, gain)
+    cost_error = float(cost_gain @ difference) / max(cost, 1e-300)
     samples = np.empty((2 * M + 1, 13))
     samples[::2], samples[1::2] = states, middles
     times = np.empty(2 * M + 1)
@@ -173,7 +184,7 @@ def _on_mesh(
         share = gain * np.linalg.norm(local * _EFFECT, axis=1)
         split |= share > 0.1 * share.max()
     if cost_error > tolerance:
-        split |= gain * difference > 0.5 * tolerance * cost / M
+        split |= cost_gain * difference > 0.5 * tolerance * cost / M
     return Extremal(times, samples, cost, error, cost_error), split
 
 

@@ -170,7 +170,13 @@ class Search:
             s.pointing, s.table, curve.times, s.lifted(curve.q), s.start, s.goal,
             interval, curve.times.size, _NODES_FINE,
         )  # fmt: skip
-        begin = s.with_goal(np.ascontiguousarray(states[:, :4]))
+        return self._hardened(times, s.with_goal(np.ascontiguousarray(states[:, :4])))
+
+    def on_nodes(self, times: Array, q: Array) -> Curve:
+        """The minimum near a curve on nodes of its own; of infinite cost if there is none."""
+        return self._hardened(times, q)[0]
+
+    def _hardened(self, times: Array, begin: Array) -> tuple[Curve, bool]:
         # Softer potentials only where hard ones fail: they let a curve slip out of a narrow gap.
         for softs in ((), _SOFT_LAST, (*_SOFT_AGAIN, *_SOFT_LAST)):
             q, memory = begin.copy(), fresh_memory(begin.shape[0])

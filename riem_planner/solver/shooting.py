@@ -27,6 +27,7 @@ _SIZE = 12 * _COLUMNS
 # Of the greatest pivot: what is weak is nearly singular; what is singular is left open, and where
 # the goal does not allow that, only what is nothing.
 _WEAK, _SINGULAR, _NOTHING = 1e-2, 1e-7, 1e-12
+_SHORT = 30.0  # of the duration an interval is short that fits in so many times
 _MET = 1e-8  # of the goal's conditions
 _SETTLED = 1e-4  # rad of a step, below which what weak pivots decide is worth a look
 _LEVER = 1.0  # of a step, that it may else turn by that
@@ -339,7 +340,10 @@ def newton(
     limited = valley < np.inf
     rest = _solve(system.copy(), without, _WEAK) if limited else 0.0
     full = beta.copy()
-    missed = _solve(system.copy(), full, _SINGULAR)
+    # Where the path meets an edge at the goal, intervals are short, and attitudes move with the
+    # cube of their length only: weak is not singular there.
+    singular = _SINGULAR * min(1.0, (_SHORT * (times[M] - times[M - 1])) ** 3)
+    missed = _solve(system.copy(), full, singular)
     if limited and missed > _MET:
         missed = _solve(system, beta, _NOTHING)
         full = beta
@@ -363,7 +367,7 @@ def newton(
                     step[k, i] = strong[k, i] + share * (step[k, i] - strong[k, i])
     # The errors leave the end where it is.
     beta, system = _end_system(columns, G, np.zeros(6), Y[M], z[M, 1])
-    _solve(system, beta, _SINGULAR)
+    _solve(system, beta, singular)
     _substitute(U, rho[:, 1], Y, z[:, 1], beta, left)
     finite = True
     for k in range(M + 1):
