@@ -5,6 +5,7 @@
 #   make figures  the paper's figures and table                 make soak    the long tests
 #   make docs     the documentation's site, offline             make picture the README's moving picture
 #   make clean    remove what the build and the tests left      make setup   only the set-up
+#   make surveys  the tests of the extras for surveys           (an environment of its own)
 #   make basilisk published manoeuvres flown by Basilisk, and beside its own planner
 #
 # ARGS="..." is passed on: make test ARGS="-k certificate", make run ARGS="--help".
@@ -28,6 +29,10 @@ DOCS_READY := $(VENV)/.docs-$(KEY)-$(shell cksum < requirements-docs.txt | cut -
 BASILISK := .venv-basilisk
 BASILISK_READY := $(BASILISK)/.ready-$(shell cksum < requirements-basilisk.txt | cut -d' ' -f1)
 
+# What surveys add (Dask, Arrow, SPICE) and their peers; it needs no ROS.
+SURVEYS := .venv-surveys
+SURVEYS_READY := $(SURVEYS)/.ready-$(shell cksum < requirements-surveys.txt | cut -d' ' -f1)
+
 # Nothing leaves this machine. The wheels of PyPI don't announce where they are installed.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 export ROS_DOMAIN_ID ?= $(shell echo $$(($$PPID % 101 + 1)))
@@ -35,7 +40,7 @@ export ROS_PYTHON_CHECK_FIELDS ?= 1
 export ROS_LOG_DIR ?= $(CURDIR)/log/ros
 export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_PREFIX_PATH))
 
-.PHONY: run test bench basilisk lint figures soak clean setup docs picture
+.PHONY: run test bench surveys basilisk lint figures soak clean setup docs picture
 .DEFAULT_GOAL := run
 
 # In a terminal the demonstration gets Ctrl-C for itself, so that its exit code is make's.
@@ -53,6 +58,9 @@ bench: $(READY)
 
 basilisk: $(BASILISK_READY)
 	@PYTHONPATH=$(CURDIR) $(BASILISK)/bin/python -m benchmark.basilisk $(ARGS)
+
+surveys: $(SURVEYS_READY)
+	@PYTHONPATH=$(CURDIR) $(SURVEYS)/bin/python -m pytest -q -m extras test/surveys $(ARGS)
 
 figures: $(READY)
 	@$(PY) -m riem_planner.paper.figures $(ARGS)
@@ -97,7 +105,7 @@ endif
 		$(VENV)/share/ament_index/resource_index/packages/riem_planner
 	@ln -sfn $(CURDIR)/package.xml $(VENV)/share/riem_planner/package.xml
 	@ln -sfn $(CURDIR)/config $(VENV)/share/riem_planner/config
-	@for command in planner_node spacecraft_sim riem_plan riem_figures riem_check; do \
+	@for command in planner_node spacecraft_sim riem_plan riem_timeline riem_figures riem_check; do \
 		ln -sfn ../../bin/$$command $(VENV)/lib/riem_planner/$$command; done
 	@rm -f $(VENV)/.ready-*
 	@touch $@
@@ -116,7 +124,19 @@ $(BASILISK_READY):
 	@rm -f $(BASILISK)/.ready-*
 	@touch $@
 
+$(SURVEYS_READY):
+	@echo "setting up $(SURVEYS) (500 MB), once; this takes about a minute"
+	@[ -x $(SURVEYS)/bin/python ] || $(PYTHON) -m venv $(SURVEYS)
+	@$(SURVEYS)/bin/python -m pip install --quiet --disable-pip-version-check \
+		-r requirements-surveys.txt
+	@# All of its dependencies hold CPLEX; its slew models need astropy alone.
+	@$(SURVEYS)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps \
+		m4opt==2.3.1
+	@rm -f $(SURVEYS)/.ready-*
+	@touch $@
+
 clean:
 	rm -rf build install log figures .pytest_cache .hypothesis .mypy_cache .ruff_cache .benchmarks
 	rm -rf *.egg-info plan.json plan.png page.html demo.png docs/_build
-	find . \( -path ./$(VENV) -o -path ./$(BASILISK) \) -prune -o -name __pycache__ -type d -print0 | xargs -0 rm -rf
+	find . \( -path ./$(VENV) -o -path ./$(BASILISK) -o -path ./$(SURVEYS) \) -prune \
+		-o -name __pycache__ -type d -print0 | xargs -0 rm -rf

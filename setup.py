@@ -64,6 +64,9 @@ setup(
         ],
         # Balls of numbers, for riem_check.
         "proof": ["python-flint>=0.7"],
+        # Tables and campaigns; and kernels for SPICE. See docs/surveys.md.
+        "surveys": ["dask[distributed]>=2026.1", "pyarrow>=18"],
+        "ck": ["spiceypy>=6.0"],
         "test": ["hypothesis>=6.98", "pytest>=7.4", "python-flint>=0.7"],
     },
     zip_safe=False,
@@ -72,6 +75,7 @@ setup(
             "planner_node = riem_planner.node.main:main",
             "spacecraft_sim = riem_planner.spacecraft_sim.main:main",
             "riem_plan = riem_planner.riem_plan.command:main",
+            "riem_timeline = riem_planner.riem_timeline.command:main",
             "riem_figures = riem_planner.paper.figures:main",
             "riem_check = riem_planner.proof.check:main",
         ],

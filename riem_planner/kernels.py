@@ -28,6 +28,8 @@ _COMPILED_ROOMS = (
     "solver/curves.py", "solver/descent.py", "solver/dop853.py", "solver/shooting.py",
     "certificate/*.py", "least_time/*.py",
 )  # fmt: skip
+# A room whose kernels no other room's call: what changes there leaves the others' as they are.
+_TOP_ROOMS = ("surveys",)
 # Of these, the files that define kernels, and those that only hold constants for them.
 _IMPORT, _CONSTANTS = (
     b"from riem_planner.kernels import",
@@ -38,8 +40,8 @@ _MESSAGE_AFTER = 1.5  # s; loading from the cache takes less
 
 
 @cache
-def _cache_directory() -> str:
-    """Where kernels of just this source are kept.
+def _cache_directory(top: str = "") -> str:
+    """Where kernels of just this source are kept; those of a top room by themselves.
 
     Numba looks at the file of a kernel only, not at those whose functions are compiled into it,
     so a change elsewhere would leave old machine code in use. A folder for each state of the
@@ -47,7 +49,7 @@ def _cache_directory() -> str:
     """
     package = Path(__file__).parent
     digest = hashlib.sha256()
-    for room in _COMPILED_ROOMS:
+    for room in (*_COMPILED_ROOMS, *([f"{top}/*.py"] if top else [])):
         for source in sorted(package.glob(room)):
             text = source.read_bytes()
             if _IMPORT in text or source.name in _CONSTANTS:
@@ -64,7 +66,8 @@ def _cache_directory() -> str:
 def kernel(function: Callable[..., Any], *, nogil: bool = True) -> Callable[..., Any]:
     """Compile a function to machine code on first use, cached on disk, without the GIL."""
     before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = _cache_directory()
+    rooms = function.__module__.split(".")
+    numba.config.CACHE_DIR = _cache_directory(next((r for r in _TOP_ROOMS if r in rooms), ""))
     try:
         return numba.njit(  # type: ignore[no-any-return]
             function, cache=True, nogil=nogil, error_model="numpy", fastmath=_FASTMATH

@@ -63,7 +63,7 @@ def parse_problem(document: Any) -> Problem:
     space = _SPACES[top.choice("space", tuple(_SPACES))]
     name = top.text("name", "")
     boresight = read_direction(top, "boresight", [1.0, 0.0, 0.0])
-    limits = _limits(top)
+    limits = read_limits(top)
     problem = Problem(
         start=read_state(top, "start", space, boresight),
         goal=read_goal(top, space, boresight),
@@ -99,7 +99,8 @@ def _duration(top: Section, limits: Limits | None) -> float:
     return number
 
 
-def _limits(top: Section) -> Limits | None:
+def read_limits(top: Section) -> Limits | None:
+    """Limits of a mapping with the keys `limits` and `inertia`; None where it states none."""
     inertia = _inertia(top) if "inertia" in top else None
     if "limits" not in top:
         return None

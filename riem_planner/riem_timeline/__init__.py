@@ -1,0 +1,1 @@
+"""The `riem_timeline` command: months of observations as one certified reference."""
