@@ -14,7 +14,6 @@ equations say, and the reason why boundary-value problems are solved another way
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -22,35 +21,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from riem_planner.checks import finite_array, non_negative_number, positive_number
-from riem_planner.errors import InvalidProblemError, RiemPlannerError
+from riem_planner.checks import finite_array
+from riem_planner.errors import InvalidProblemError
 from riem_planner.geometry import so3
 from riem_planner.geometry.sphere import cross
+from riem_planner.integration import TOLERANCE, ExtremalEndsError, integrate
+from riem_planner.invariants import (
+    attitude_momentum,
+    first_biconjugate_time,
+    hamiltonian,
+    orientation_momentum,
+    pointing_momentum,
+)
 from riem_planner.problem import S2, SO3, Problem, Space, State
 
 Array = NDArray[np.float64]
-
-_TOLERANCE = 1e-13
-_MOST_EVALUATIONS = 20_000  # of the field; towards a singularity the steps shrink without end
-
-
-class ExtremalEndsError(RiemPlannerError):
-    """The extremal could not be continued to the duration asked for.
-
-    Parameters
-    ----------
-    time
-        The last time it was followed to [s].
-    duration
-        The duration asked for [s].
-    """
-
-    def __init__(self, time: float, duration: float) -> None:
-        self.time = time
-        super().__init__(
-            f"the extremal ends at t = {time:.9g} s of {duration:.9g} s: it leaves every bound"
-            " there, or meets an obstacle; shorten the duration or change the initial values"
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +112,7 @@ def extremal(
     *,
     duration: float,
     boresight: ArrayLike = (1.0, 0.0, 0.0),
-    tolerance: float = _TOLERANCE,
+    tolerance: float = TOLERANCE,
     step: float | None = None,
 ) -> Any:
     """The extremal with given initial values, by DOP853 with dense output.
@@ -228,143 +213,6 @@ def _field(problem: Problem) -> Callable[[float, Array], Array]:
         return np.concatenate([q_rate, a, j, snap(space, v, a, j, sigma, force)])
 
     return field
-
-
-def integrate(
-    field: Callable[[float, Array], Array],
-    start: Array,
-    duration: float,
-    tolerance: float = _TOLERANCE,
-    step: float | None = None,
-) -> Callable[[Array], Array]:
-    """Dense solution of `y' = field(t, y)` on [0, duration] by DOP853.
-
-    Raises
-    ------
-    ExtremalEndsError
-        The solution could not be continued to the end.
-    """
-    from scipy.integrate import solve_ivp  # slow to load, and not needed to solve
-
-    options: dict[str, float] = {"rtol": max(tolerance, 3e-14), "atol": tolerance}
-    if step is not None:
-        h = positive_number("step", step)
-        # A tolerance that nothing exceeds leaves the largest step as the only bound.
-        options = {"rtol": 1e-3, "atol": 1e30, "first_step": h, "max_step": h}
-    evaluations = 0
-
-    def counted(t: float, y: Array) -> Array:
-        nonlocal evaluations
-        evaluations += 1
-        if evaluations > _MOST_EVALUATIONS:
-            raise ExtremalEndsError(t, duration)
-        return field(t, y)
-
-    with np.errstate(all="ignore"):  # overflow is what the end of an extremal looks like
-        result = solve_ivp(
-            counted, (0.0, duration), start, method="DOP853", dense_output=True, **options
-        )
-    if result.status != 0 or not np.all(np.isfinite(result.y[:, -1])):
-        raise ExtremalEndsError(float(result.t[-1]), duration)
-    return result.sol  # type: ignore[no-any-return]
-
-
-def hamiltonian(
-    v: ArrayLike, a: ArrayLike, j: ArrayLike, tension: float = 0.0, potential: ArrayLike = 0.0
-) -> Array:
-    """`H = |v'|^2/2 + sigma |v|^2/2 - v'' . v - sum V_i / 2` (...), constant along extremals.
-
-    Parameters
-    ----------
-    v, a, j : (..., n)
-        Rate and its first two derivatives.
-    tension
-        sigma [1/s^2].
-    potential : (...)
-        `sum V_i`; the obstacles must be fixed.
-    """
-    v, a, j = (np.asarray(x, dtype=float) for x in (v, a, j))
-    kinetic = 0.5 * np.sum(a * a, axis=-1) + 0.5 * tension * np.sum(v * v, axis=-1)
-    return np.asarray(kinetic - np.sum(j * v, axis=-1) - 0.5 * np.asarray(potential))
-
-
-def orientation_momentum(
-    attitude: Array, v: Array, a: Array, j: Array, obstacle: Array, tension: float = 0.0
-) -> Array:
-    """`M = m - (Q^T R) m + v' x v`, `m = sigma v - v''` (..., 3): constant on SO(3).
-
-    For one fixed orientation obstacle Q (3, 3), at attitudes (..., 3, 3).
-    """
-    m = tension * v - j
-    turned = np.einsum("ji,...jk,...k->...i", obstacle, attitude, m)
-    return np.asarray(m - turned + np.cross(a, v))
-
-
-def attitude_momentum(attitude: Array, v: Array, j: Array, tension: float = 0.0) -> Array:
-    """`R m`, `m = sigma v - v''` (..., 3): constant on SO(3) without obstacles."""
-    return np.asarray(np.einsum("...ij,...j->...i", attitude, tension * v - j))
-
-
-def pointing_momentum(attitude: Array, v: Array, a: Array, j: Array, tension: float = 0.0) -> Array:
-    """`N = R (sigma v - v'' - v' x v)` (..., 3): constant on S^2 without obstacles.
-
-    With one fixed obstacle of direction s, `s . N` is constant.
-    """
-    return np.asarray(np.einsum("...ij,...j->...i", attitude, tension * v - j - np.cross(a, v)))
-
-
-def first_biconjugate_time(curvature: float, tension: float) -> float:
-    """When a clamped geodesic stops being a local minimum, without obstacles.
-
-    The second variation across a geodesic of speed c is
-    `int ((y'' + k y)^2 + sigma (y'^2 - k y^2)) dt`. Its fields that vanish with their rates at
-    both ends are even or odd about the middle, which splits the determinant of section 5 into
-    two factors with simple zeros, `a = sqrt(k)` and `b = sqrt(|sigma - k|)`.
-
-    Parameters
-    ----------
-    curvature
-        k [rad^2/s^2]: `c^2` on S^2, `c^2 / 4` on SO(3).
-    tension
-        sigma [1/s^2].
-
-    Returns
-    -------
-    float
-        T* [s]; infinite for zero tension.
-    """
-    k, sigma = positive_number("curvature", curvature), non_negative_number("tension", tension)
-    if sigma == 0.0:
-        return math.inf
-    a, b = math.sqrt(k), math.sqrt(abs(sigma - k))
-    if b <= 1e-7 * a:
-        return 2.0 * math.pi / a
-
-    def even(T: float) -> float:
-        S, C = math.sin(a * T / 2), math.cos(a * T / 2)
-        if sigma > k:  # divided by cosh, which would overflow
-            return a * S + b * C * math.tanh(b * T / 2)
-        return a * S * math.cos(b * T / 2) - b * C * math.sin(b * T / 2)
-
-    def odd(T: float) -> float:
-        S, C = math.sin(a * T / 2), math.cos(a * T / 2)
-        return a * C * math.sin(b * T / 2) - b * S * math.cos(b * T / 2)
-
-    from scipy.optimize import brentq  # slow to load, and seldom needed
-
-    # For sigma > k the odd ones come later: b tan x = a tanh(b x / a) has no root below pi.
-    factors = (even,) if sigma > k else (even, odd)
-    step = math.pi / (16.0 * (a + b))
-    T = step
-    while True:
-        zeros = [
-            float(brentq(factor, T, T + step, xtol=1e-15, rtol=1e-15))
-            for factor in factors
-            if factor(T) * factor(T + step) <= 0.0
-        ]
-        if zeros:
-            return min(zeros)
-        T += step
 
 
 __all__ = [

@@ -301,7 +301,7 @@ def test_second_variation_loses_a_sign_at_the_biconjugate_time(a, sigma, expecte
 
 
 def test_collision_course_ends_with_an_error_that_names_the_time(monkeypatch):
-    monkeypatch.setattr("riem_planner.extremals._MOST_EVALUATIONS", 2000)
+    monkeypatch.setattr("riem_planner.integration._MOST_EVALUATIONS", 2000)
     with pytest.raises(ExtremalEndsError, match=r"ends at t = \d\.\d+ s of 5 s") as error:
         extremal(
             SO3,

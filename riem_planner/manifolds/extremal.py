@@ -11,6 +11,8 @@ from scipy.integrate import DOP853
 
 from riem_planner.checks import finite_array, non_negative_number, positive_number
 from riem_planner.errors import InvalidProblemError
+from riem_planner.integration import integrate
+from riem_planner.invariants import hamiltonian
 from riem_planner.manifolds.matrices import Real
 from riem_planner.manifolds.matrix_space import MatrixSpace
 from riem_planner.manifolds.problem import (
@@ -96,8 +98,6 @@ class GeneralExtremal:
 
     def hamiltonian(self, t: ArrayLike) -> Real:
         """H (...) at times (...) [s], constant along the extremal."""
-        from riem_planner.extremals import hamiltonian
-
         g, v, a, j = self.evaluate(t)
         potential = Repulsion(self.space, self.obstacles).potential(g)
         return hamiltonian(v, a, j, self.tension, potential)
@@ -129,8 +129,6 @@ def general_extremal(
     step: float | None = None,
 ) -> GeneralExtremal:
     """The extremal with given initial values; see `riem_planner.extremals.extremal`."""
-    from riem_planner.extremals import integrate
-
     if not isinstance(space, MatrixSpace):
         raise InvalidProblemError(
             "space", f"expected SO3, S2 or a MatrixSpace, got {type(space).__name__}"
