@@ -16,8 +16,9 @@ import numpy as np
 
 from benchmark.report import Table
 from riem_planner import Problem
+from riem_planner.files.plans import Plan
 from riem_planner.files.problem_files import parse_problem
-from riem_planner.riem_plan.planning import Plan, plan_problem
+from riem_planner.riem_plan.planning import plan_problem
 
 EQUAL = 1e-6  # of the best known, relative: no worse than it
 

@@ -15,10 +15,10 @@ import numpy as np
 from riem_planner.certificate import Certificate, certify
 from riem_planner.errors import InvalidProblemError
 from riem_planner.files.documents import decoded, parse_json
+from riem_planner.files.plans import Plan, with_duration_of
 from riem_planner.files.problem_writing import problem_document
 from riem_planner.files.section import shown, within
 from riem_planner.problem import Problem
-from riem_planner.riem_plan.planning import Plan, with_duration_of
 from riem_planner.trajectory import Trajectory
 
 _CLAIM_TOLERANCE_DEG = 1e-6  # rounding of degrees in the file

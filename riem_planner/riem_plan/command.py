@@ -19,11 +19,12 @@ from tqdm import tqdm
 from riem_planner.errors import InvalidProblemError
 from riem_planner.files.output import partial_path, whole_file
 from riem_planner.files.plan_files import degrees, encoded, plan_document
+from riem_planner.files.plans import Plan
 from riem_planner.files.problem_files import read_problem
 from riem_planner.files.section import of_file
 from riem_planner.riem_plan import batch
 from riem_planner.riem_plan.checking import check_files
-from riem_planner.riem_plan.planning import DEFAULT_SAMPLES, Plan, plan_problem
+from riem_planner.riem_plan.planning import DEFAULT_SAMPLES, plan_problem
 from riem_planner.solution import Status
 from riem_planner.solve import warm_up
 

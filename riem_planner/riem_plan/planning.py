@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from riem_planner.certificate import Certificate, certify
+from riem_planner.certificate import certify
+from riem_planner.files.plans import Plan, with_duration_of
 from riem_planner.geometry import so3
 from riem_planner.hold import hold_trajectory
 from riem_planner.problem import Problem
@@ -19,36 +20,6 @@ from riem_planner.trajectory import Trajectory
 DEFAULT_SAMPLES = 201
 _DEVIATION = 1e-4  # rad between samples, beyond which a plan is no longer the one solved for
 _DOUBLINGS = 4  # of the samples, before the certificate of the samples is given up
-
-
-@dataclass(frozen=True, eq=False)
-class Plan:
-    """What a plan file holds.
-
-    Parameters
-    ----------
-    problem
-        What was solved, with the duration that was found where it asked for the least.
-    solution
-        Outcome of the solve; its status is NO_CERTIFIED_TRAJECTORY if the samples are refused.
-    trajectory
-        The evenly sampled trajectory; None unless certified.
-    certificate
-        The verdict on that trajectory itself; None where there is none to judge.
-    hold
-        What follows the trajectory, where the problem asks for a hold.
-    """
-
-    problem: Problem
-    solution: Solution
-    trajectory: Trajectory | None = None
-    certificate: Certificate | None = None
-    hold: Trajectory | None = None
-
-    @property
-    def certified(self) -> bool:
-        """Whether it holds a certified trajectory."""
-        return self.trajectory is not None
 
 
 def plan_problem(
@@ -81,13 +52,6 @@ def plan_problem(
     if least_torque:
         solution = with_least_torque(problem, solution)
     return _publish(problem, solution, samples)
-
-
-def with_duration_of(problem: Problem, trajectory: Trajectory) -> Problem:
-    """The problem with a trajectory's duration, where it asks for the least."""
-    if not problem.has_auto_duration:
-        return problem
-    return replace(problem, duration=trajectory.duration)
 
 
 def _sampling_notes(solved: Trajectory, sampled: Trajectory, asked: int) -> list[str]:
