@@ -16,9 +16,7 @@ class Status(Enum):
     SOLVED = "the trajectory is certified"
     START_IN_ZONE = "move the start out of the zone, or make the zone smaller"
     GOAL_IN_ZONE = "choose another goal, or make the zone smaller"
-    NO_CERTIFIED_TRAJECTORY = (
-        "the zones may seal the goal off: make one smaller, or choose another goal"
-    )
+    NO_CERTIFIED_TRAJECTORY = "make a zone smaller, or choose another goal"
     LIMITS_EXCEEDED = "give the slew more time, or raise the limit that binds"
     OUT_OF_TIME = "raise the deadline, or plan with fewer obstacles"
     CANCELLED = "the request was withdrawn"
@@ -86,6 +84,9 @@ class Solution:
     notes
         Remarks a user should read: use of the potential beyond its convex neighbourhood, a
         tolerance that was not reached.
+    wall
+        Of a refusal, where one is known: names of zones that close the goal off from the start,
+        each overlapping the next and the last one the first, which proves that no path exists.
     """
 
     status: Status
@@ -103,6 +104,7 @@ class Solution:
     hold: Trajectory | None = None
     goal_index: int | None = None
     notes: tuple[str, ...] = field(default=())
+    wall: tuple[str, ...] = ()
 
     @property
     def solved(self) -> bool:

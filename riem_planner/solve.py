@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riem_planner.certificate import Certificate, certify
+from riem_planner.certificate.walls import find_wall
 from riem_planner.cost import trajectory_cost
 from riem_planner.duration import advised, solve_auto
 from riem_planner.geometry import so3
@@ -149,7 +150,7 @@ def solve(
 
     def single(problem: Problem) -> Solution:
         if problem.has_auto_duration:
-            return solve_auto(problem, fixed)
+            return _walled_off(problem) or solve_auto(problem, fixed)
         solution = fixed(problem, None)
         if solution.status is Status.LIMITS_EXCEEDED:
             solution = advised(problem, solution, fixed)
@@ -270,6 +271,8 @@ def _solve(
 ) -> Solution:
     setup = set_up(problem)
     refusal = _end_in_zone(problem, setup)
+    if refusal is None and not local:
+        refusal = _walled_off(problem)
     if refusal is not None:
         return refusal
     found = (local_search if local else global_search)(setup, watch, warm_start)
@@ -329,6 +332,20 @@ def _cost_of(problem: Problem, setup: Setup, trajectory: Trajectory) -> float:
     end = so3.quaternion_multiply(trajectory.quaternions_xyzw[-1], setup.body)
     held: float = hold_cost(setup.table, setup.held, end)
     return trajectory_cost(trajectory, problem) * problem.duration**3 + held
+
+
+def _walled_off(problem: Problem) -> Solution | None:
+    """The refusal of a problem whose start and goal are parted by a wall of zones."""
+    wall = find_wall(problem)
+    if not wall:
+        return None
+    status = Status.NO_CERTIFIED_TRAJECTORY
+    return Solution(
+        status,
+        f"no certified trajectory: the goal is sealed off by the wall of {', '.join(wall)}, so that"
+        f" no path leads to it, whatever its timing; {status.advice}",
+        wall=wall,
+    )
 
 
 def _end_in_zone(problem: Problem, setup: Setup) -> Solution | None:

@@ -53,6 +53,8 @@ def plan_document(plan: Plan) -> dict[str, Any]:
         document["boundary_error"] = list(certificate.boundary_error)
         document["rate_bound"] = certificate.rate_bound
         document["limits_left"] = certificate.limit_margins
+    if not plan.certified:
+        document["wall"] = list(solution.wall)
     if solution.goal_index is not None:
         document["goal_index"] = solution.goal_index
     document["problem"] = problem_document(plan.problem)
@@ -68,7 +70,7 @@ def refused_document(name: str | None, status: str, message: str) -> dict[str, A
         ("cost", "duration", "local_minimum", "trajectory_error", "cost_error", "problem")
     )
     document |= {"name": name, "status": status, "message": message, "certified": False}
-    document |= {"clearance_deg": {}, "iterations": 0, "solve_time_s": 0.0}
+    document |= {"clearance_deg": {}, "iterations": 0, "solve_time_s": 0.0, "wall": []}
     return document | {"notes": [], "alternatives": []} | _samples(None)
 
 
