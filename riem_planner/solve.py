@@ -45,7 +45,7 @@ from riem_planner.solver.watch import InterruptedSolveError, Watch
 from riem_planner.trajectory import Trajectory, follow_turns
 
 if TYPE_CHECKING:
-    from riem_planner.manifolds import GeneralProblem, GeneralSolution
+    from riem_planner.manifolds import GeneralProblem, GeneralSolution, GeneralTrajectory
 
 Array = NDArray[np.float64]
 
@@ -93,7 +93,7 @@ def solve(
     deadline: float | None = None,
     should_stop: Callable[[], bool] | None = None,
     tolerance: float = 1e-8,
-    warm_start: None = None,
+    warm_start: GeneralTrajectory | None = None,
     search: Literal["global", "local"] = "global",
 ) -> GeneralSolution: ...
 
@@ -104,7 +104,7 @@ def solve(
     deadline: float | None = None,
     should_stop: Callable[[], bool] | None = None,
     tolerance: float = 1e-8,
-    warm_start: Trajectory | None = None,
+    warm_start: Any = None,
     search: Literal["global", "local"] = "global",
 ) -> Solution | GeneralSolution:
     """Cheapest certified trajectory of a problem.
@@ -113,7 +113,7 @@ def solve(
     ----------
     problem
         What to solve; on a space given by its matrices a `GeneralProblem`, which is solved in
-        plain NumPy and SciPy, without a warm start.
+        plain NumPy and SciPy.
     deadline
         Time limit for everything [s], by a steady clock; but for the first solve of a process,
         which loads the compiled code before (0.6 s), or compiles it where it never ran.
@@ -140,7 +140,8 @@ def solve(
 
         return solve_general(
             problem, deadline=deadline, should_stop=should_stop, tolerance=1e-3 * tolerance,
-            **({"detours": 0} if search == "local" else {}),
+            warm_start=warm_start, detours=0 if search == "local" else 4,
+            both_sides=search != "local",
         )  # fmt: skip
     _load_kernels()
     watch = Watch(deadline, should_stop)

@@ -1,7 +1,8 @@
 """The general theory: extremals and boundary-value problems on spaces given by matrices."""
 
 from riem_planner.manifolds.extremal import GeneralExtremal, general_extremal
-from riem_planner.manifolds.problem import GeneralProblem, GeneralState, PointObstacle
+from riem_planner.manifolds.potentials import OwnPotential, Plateau
+from riem_planner.manifolds.problem import GeneralProblem, GeneralState, PointObstacle, Waypoint
 from riem_planner.manifolds.solution import GeneralSolution, GeneralTrajectory
 from riem_planner.manifolds.solver import solve_general
 
@@ -11,7 +12,10 @@ __all__ = [
     "GeneralSolution",
     "GeneralState",
     "GeneralTrajectory",
+    "OwnPotential",
+    "Plateau",
     "PointObstacle",
+    "Waypoint",
     "general_extremal",
     "solve_general",
 ]

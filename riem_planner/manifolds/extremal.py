@@ -13,49 +13,52 @@ from riem_planner.checks import finite_array, non_negative_number, positive_numb
 from riem_planner.errors import InvalidProblemError
 from riem_planner.integration import integrate
 from riem_planner.invariants import hamiltonian
-from riem_planner.manifolds.matrices import Real
+from riem_planner.manifolds.matrices import Array, Real
 from riem_planner.manifolds.matrix_space import MatrixSpace
 from riem_planner.manifolds.problem import (
-    Array,
     GeneralState,
     PointObstacle,
-    Repulsion,
     checked_obstacles,
     checked_state,
 )
+from riem_planner.manifolds.repulsion import Repulsion
 
-Field = Callable[[Array, Real], tuple[Array, Real]]
+Field = Callable[[Real, Array, Real], tuple[Array, Real]]
 
 
 def extremal_field(space: MatrixSpace, sigma: float, repulsion: Repulsion) -> Field:
     """Rates of a lift (..., N, N) and of `(v, v', v'')` (..., 3, n) along an extremal."""
 
-    def field(g: Array, w: Real) -> tuple[Array, Real]:
+    def field(s: Real, g: Array, w: Real) -> tuple[Array, Real]:
         v, a, j = w[..., 0, :], w[..., 1, :], w[..., 2, :]
-        snap = space.curvature_term(v, a, j) + sigma * a
-        if repulsion.elements:
-            snap = snap - repulsion.force(g)
-        return g @ space.algebra(v), np.stack([a, j, snap], axis=-2)
+        rates = np.empty_like(w)
+        rates[..., :2, :] = w[..., 1:, :]
+        rates[..., 2, :] = space.curvature_term(v, a, j) + sigma * a
+        if repulsion:
+            rates[..., 2, :] -= repulsion.force(g, s)
+        return g @ space.algebra(v), rates
 
     return field
 
 
-def runge_kutta_step(field: Field, g: Array, w: Real, h: Array | float) -> tuple[Array, Real]:
-    """One step of the eighth-order rule of DOP853, of lengths h (...), batched."""
-    h = np.asarray(h, dtype=float)
-    h_g, h_w = h[..., None, None], h[..., None, None]
-    rates: list[tuple[Array, Real]] = []
-    for stage in range(DOP853.n_stages):
-        row = DOP853.A[stage, :stage]
-        at_g, at_w = g, w
-        for c, (g_rate, w_rate) in zip(row, rates, strict=True):
-            if c != 0.0:
-                at_g, at_w = at_g + c * h_g * g_rate, at_w + c * h_w * w_rate
-        rates.append(field(at_g, at_w))
-    end_g, end_w = g, w
-    for c, (g_rate, w_rate) in zip(DOP853.B, rates, strict=True):
-        end_g, end_w = end_g + c * h_g * g_rate, end_w + c * h_w * w_rate
-    return end_g, end_w
+def runge_kutta_step(field: Field, s: Real, g: Array, w: Real, h: Real) -> tuple[Array, Real]:
+    """One step of the eighth-order rule of DOP853 from times s (...), of lengths h (...)."""
+    stages = DOP853.n_stages
+    step = h[..., None, None]
+    g_rates = np.empty((stages, *g.shape), dtype=g.dtype)
+    w_rates = np.empty((stages, *w.shape))
+
+    def reached(weights: Real) -> tuple[Array, Real]:
+        # Not a product of matrices: the library's threads would wait for each other.
+        used = np.flatnonzero(weights)
+        own = weights[used]
+        ahead = np.einsum("k,k...->...", own, g_rates[used])
+        return g + step * ahead, w + step * np.einsum("k,k...->...", own, w_rates[used])
+
+    g_rates[0], w_rates[0] = field(s, g, w)
+    for k in range(1, stages):
+        g_rates[k], w_rates[k] = field(s + DOP853.C[k] * h, *reached(DOP853.A[k, :k]))
+    return reached(DOP853.B)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,9 +100,9 @@ class GeneralExtremal:
         return g.reshape(*times.shape, *g.shape[-2:]), v, a, j
 
     def hamiltonian(self, t: ArrayLike) -> Real:
-        """H (...) at times (...) [s], constant along the extremal."""
+        """H (...) at times (...) [s], constant where all obstacles are fixed."""
         g, v, a, j = self.evaluate(t)
-        potential = Repulsion(self.space, self.obstacles).potential(g)
+        potential = Repulsion(self.space, self.obstacles).potential(g, np.asarray(t, dtype=float))
         return hamiltonian(v, a, j, self.tension, potential)
 
 
@@ -144,8 +147,10 @@ def general_extremal(
         raise InvalidProblemError("state", "expected a start outside of every obstacle")
     field = extremal_field(space, sigma, repulsion)
 
-    def flat(_: float, y: Real) -> Real:
-        return _packed(*field(*_unpacked(space, y)))
+    def flat(t: float, y: Real) -> Real:
+        return _packed(*field(np.asarray(t), *_unpacked(space, y)))
 
-    start = _packed(state.element, np.stack([np.asarray(state.rate), a, j]))
+    if state.rate is None:
+        raise InvalidProblemError("state.rate", "expected the initial rate, got a free one")
+    start = _packed(state.element, np.stack([state.rate, a, j]))
     return GeneralExtremal(space, T, sigma, points, integrate(flat, start, T, tolerance, step))

@@ -191,6 +191,10 @@ class EuclideanSpace(MatrixSpace):
         """Translation (..., n + 1, n + 1) by a vector (..., n)."""
         return np.asarray(np.eye(self.size) + self.algebra(v))
 
+    def moved(self, turn: Real, g: Array) -> Array:
+        """The translation (..., n + 1, n + 1) after another one (..., n)."""
+        return np.asarray(self.exp(turn) @ g)
+
     def inverse(self, g: Array) -> Array:
         """The opposite translation."""
         return np.asarray(2.0 * np.eye(self.size) - g)
@@ -279,7 +283,9 @@ def special_unitary(n: int, scale: float = 0.5) -> CompactGroup:
         basis: Any = -1j * pauli
     else:
         basis = [X - np.trace(X) / n * np.eye(n) for X in _unitary_basis(n)]
-    return CompactGroup(f"SU({n})", basis, scale, traceless=True, equation=_determinant_one)
+    return CompactGroup(
+        f"SU({n})", basis, scale, traceless=True, equation=_determinant_one, principal=True
+    )
 
 
 def euclidean(n: int) -> EuclideanSpace:

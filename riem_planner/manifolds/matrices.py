@@ -32,6 +32,14 @@ def adjoint(X: Array) -> Array:
     return np.conj(np.swapaxes(X, -1, -2))
 
 
+def made_unitary(U: Array) -> Array:
+    """The nearest unitary matrices (..., N, N), of matrices that are unitary to about 1e-8.
+
+    Products in a chain, with the adjoint for the inverse, multiply what is off.
+    """
+    return np.asarray(1.5 * U - 0.5 * U @ adjoint(U) @ U)
+
+
 def _finite(X: Array, instead: Array) -> tuple[Array, NDArray[np.bool_]]:
     """The matrices (..., N, N), others in place of those that are not finite, and which are."""
     finite = np.asarray(np.isfinite(X).all(axis=(-2, -1)))

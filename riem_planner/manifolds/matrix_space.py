@@ -118,6 +118,10 @@ class MatrixSpace(ABC):
         """Group element (..., N, N) of coordinates (..., n): the geodesic with that rate."""
         return unitary_exp(self.algebra(v))
 
+    def moved(self, turn: Real, g: Array) -> Array:
+        """`exp(turn) g` (..., N, N) for coordinates (..., k) in the whole algebra."""
+        return np.asarray(unitary_exp(self.whole_algebra.matrices(turn)) @ g)
+
     def log(self, h: Array) -> Real:
         """Coordinates (..., n) of the shortest geodesic from the base point to that of h.
 

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riem_planner.manifolds.extremal import extremal_field, runge_kutta_step
-from riem_planner.manifolds.matrices import Real
-from riem_planner.manifolds.problem import Array, GeneralProblem, Repulsion
+from riem_planner.manifolds.matrices import Array, Real
+from riem_planner.manifolds.problem import GeneralProblem
+from riem_planner.manifolds.repulsion import Repulsion
 from riem_planner.solution import Status
 
 
@@ -57,12 +58,12 @@ class GeneralTrajectory:
             raise ValueError(f"t must lie in [0, {T:.9g}] s, got {times}")
         s = times.ravel() / T
         k = np.clip(np.searchsorted(self.times, s, side="right") - 1, 0, len(self.times) - 2)
-        repulsion = Repulsion(space, self.problem.obstacles, T**4)
+        repulsion = Repulsion(space, self.problem.obstacles, T**4, T)
         field = extremal_field(space, self.problem.tension * T**2, repulsion)
         g, w = self.elements[k], self.states[k]
         half = 0.5 * (s - self.times[k])
-        for _ in range(2):
-            g, w = runge_kutta_step(field, g, w, half)
+        for begin in (self.times[k], self.times[k] + half):
+            g, w = runge_kutta_step(field, begin, g, w, half)
         v, a, j = (w[:, i].reshape(*times.shape, -1) / T ** (i + 1) for i in range(3))
         return g.reshape(*times.shape, *g.shape[-2:]), v, a, j
 
@@ -80,11 +81,13 @@ class GeneralSolution:
     cost
         `1/2 int (|Dv/dt|^2 + sigma |v|^2 + sum V_i) dt`.
     clearance
-        Least distance to each obstacle's ball, by name, sampled: a bound from samples and the
-        sampled rates and accelerations, without a proof.
+        Lower bound of the distance to each obstacle's ball, by name; of a potential that excludes
+        nothing, of the distance to the point.
+    clearance_proven
+        Whether it holds in continuous time. Otherwise it is the least sampled distance.
     boundary_error
         Difference between the matrices of the end and of the goal (`space.gap`), and of the rates
-        [1/s].
+        [1/s]; where the rate is free, of the acceleration from 0 [1/s^2].
     trajectory_error
         Estimated error of one interval's integration, relative to 1.
     alternatives
@@ -95,6 +98,12 @@ class GeneralSolution:
         By a steady clock [s].
     notes
         Remarks a user should read, such as which lifts are the same point of the space.
+    local_minimum
+        Whether the second variation is positive definite, by the discretised cost near the
+        trajectory; not so for one of a family of equal cost. None where it was not computed.
+    converged
+        Whether the error is within the tolerance and every initial curve was looked at: false
+        where a deadline cut the search short, or with a search that is local.
     """
 
     status: Status
@@ -108,6 +117,9 @@ class GeneralSolution:
     iterations: int = 0
     solve_time: float = 0.0
     notes: tuple[str, ...] = ()
+    local_minimum: bool | None = None
+    converged: bool = False
+    clearance_proven: bool = False
 
     @property
     def solved(self) -> bool:
