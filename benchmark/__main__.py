@@ -10,6 +10,7 @@ from benchmark import cases, comparison, own, random_cases
 from benchmark.flights import flights
 from benchmark.folder import case_files
 from benchmark.hard import Outcome, hard, run
+from benchmark.least_time import least_time
 from benchmark.peers import shooting
 from benchmark.report import Table, write
 from benchmark.startup import startup
@@ -26,11 +27,11 @@ def _arguments(arguments: list[str]) -> argparse.Namespace:
         "what",
         nargs="?",
         default="all",
-        choices=("all", "hard", "random", "flights", "node", "cases"),
+        choices=("all", "hard", "random", "flights", "node", "cases", "least-time"),
         help="all: beside the peers, and the planner's own figures; hard: the hard sets;"
         " cases: a folder of case files;"
         " random: new problems like those of the case files; flights: the published manoeuvres;"
-        " node: the node in operation (16 min)",
+        " node: the node in operation (16 min); least-time: one slew, quick and smooth",
     )
     parser.add_argument("--quick", action="store_true", help="a few problems, once each")
     parser.add_argument("--count", type=int, default=300, help="problems of each hard set")
@@ -96,6 +97,8 @@ def main(arguments: list[str] | None = None) -> int:
         from benchmark.operation import operation  # the others do without ROS
 
         tables, name = operation(options.quick), "node"
+    elif options.what == "least-time":
+        tables, name = [least_time()], "least-time"
     elif options.what == "cases":
         tables = case_files(options.cases, options.count, options.set, options.verbose)
         name = "case-files"

@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from riem_planner import ramps
 from riem_planner.geometry import so3
-from riem_planner.limits import ACCELERATION, KEYS, POWERS, TORQUE, WHEEL_TORQUE, Limits
+from riem_planner.limit_rows import ACCELERATION, KEYS, POWERS, TORQUE, WHEEL_TORQUE
+from riem_planner.limits import Limits
 from riem_planner.obstacles import Forbidden
 from riem_planner.stop import SHORTEST, trajectory_of_turns
 from riem_planner.trajectory import Trajectory

@@ -24,7 +24,7 @@ _FASTMATH = {"reassoc", "contract", "nsz", "arcp"}
 # Where kernels are, and the constants that are compiled into them.
 # Of the solver only its compiled half: its plans change more often, and compile nothing.
 _COMPILED_ROOMS = (
-    "kernels.py", "limits.py", "trajectory.py", "geometry/*.py", "obstacles/*.py",
+    "kernels.py", "limit_rows.py", "trajectory.py", "geometry/*.py", "obstacles/*.py",
     "solver/curves.py", "solver/descent.py", "solver/dop853.py", "solver/shooting.py",
     "certificate/*.py", "least_time/*.py",
 )  # fmt: skip
@@ -33,7 +33,7 @@ _TOP_ROOMS = ("surveys",)
 # Of these, the files that define kernels, and those that only hold constants for them.
 _IMPORT, _CONSTANTS = (
     b"from riem_planner.kernels import",
-    ("kernels.py", "limits.py", "table.py", "dop853.py"),
+    ("kernels.py", "limit_rows.py", "model.py", "table.py", "dop853.py"),
 )
 
 _MESSAGE_AFTER = 1.5  # s; loading from the cache takes less
@@ -93,6 +93,18 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
         fastmath=_FASTMATH,
         forceinline=True,
         no_cpython_wrapper=True,  # never called from Python: a fifth less to compile
+        no_cfunc_wrapper=True,
+    )
+
+
+def part(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a function that only kernels call, left to LLVM whether to expand it there."""
+    return numba.njit(  # type: ignore[no-any-return]
+        function,
+        nogil=True,
+        error_model="numpy",
+        fastmath=_FASTMATH,
+        no_cpython_wrapper=True,
         no_cfunc_wrapper=True,
     )
 

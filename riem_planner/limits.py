@@ -11,25 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from riem_planner.checks import finite_array, frozen, positive_number, unit_vector
 from riem_planner.errors import InvalidProblemError
+from riem_planner.limit_rows import KEYS, QUANTITIES, WHEELS
 
 Array = NDArray[np.float64]
-
-QUANTITIES = ("rate", "acceleration", "torque", "momentum", "jerk", "torque_rate")
-"""What is limited by one number or three."""
-
-UNITS = ("rad/s", "rad/s^2", "N m", "N m s", "rad/s^3", "N m/s")
-
-WHEELS = "wheels"
-"""The key of the reaction wheels, whose torque and momentum are limited one by one."""
-
-RATE, ACCELERATION, TORQUE, MOMENTUM, JERK, TORQUE_RATE, WHEEL_TORQUE, WHEEL_MOMENTUM = range(8)
-"""Rows of every table of limits: the quantities above, then what the wheels have to give."""
-
-POWERS = (1.0, 2.0, 2.0, 1.0, 3.0, 3.0, 2.0, 1.0)
-"""Of 1/T, with which each row's quantity goes along the same path."""
-
-KEYS = (*QUANTITIES, WHEELS, WHEELS)
-"""The key of each row's limit."""
 
 _NEED_INERTIA = ("torque", "momentum", "torque_rate", WHEELS)
 _SYMMETRY = 1e-9  # relative, of an inertia matrix
@@ -147,6 +131,11 @@ class Limits:
             for key in KEYS[:-1]
             if (self.wheels if key == WHEELS else getattr(self, key) is not None)
         )
+
+    @property
+    def smooth(self) -> bool:
+        """Whether changes of acceleration are limited, so that a quickest slew begins with none."""
+        return self.jerk is not None or self.torque_rate is not None
 
     @cached_property
     def inertia_matrix(self) -> Array:

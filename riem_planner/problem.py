@@ -23,6 +23,11 @@ Array = NDArray[np.float64]
 AUTO = "auto"
 """The duration that asks for the least within the limits."""
 
+LEAST_ACCELERATION, LEAST_TIME = OBJECTIVES = ("least_acceleration", "least_time")
+"""What is to be least."""
+
+_BOUND_TIME = ("acceleration", "torque", "jerk", "torque_rate", "wheels")  # limits that do
+
 DURATIONS = (1e-9, 1e12)
 """Least and greatest duration [s]; beyond, its powers leave the range of numbers."""
 
@@ -81,6 +86,10 @@ class Problem:
     hold
         For how long the attitude stays at the goal after the arrival [s], or goes on with it; on
         SO(3).
+    objective
+        `"least_acceleration"`, the cost above; or `"least_time"`, the least duration that any
+        curve clear of the obstacles' radii needs within the limits. The duration is then
+        automatic; strengths, ranges and tension play no part.
 
     Attributes
     ----------
@@ -105,6 +114,7 @@ class Problem:
     limits: Limits | None = None
     total_momentum: Array = field(default_factory=lambda: np.zeros(3))
     hold: float = 0.0
+    objective: str = LEAST_ACCELERATION
     forbidden: Forbidden = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -115,6 +125,7 @@ class Problem:
         if not isinstance(self.limits, Limits | None):
             raise InvalidProblemError("limits", f"expected Limits, got {self.limits!r}")
         set_field(self, "duration", self._checked_duration())
+        self._check_objective()
         momentum = finite_array("total_momentum", self.total_momentum, (3,))
         if np.any(momentum) and (self.limits is None or not self.limits.wheels):
             raise InvalidProblemError(
@@ -201,6 +212,27 @@ class Problem:
                     f"begin at {direction.start:.9g} s, after the arrival at {self.duration:.9g} s",
                 )
 
+    def _check_objective(self) -> None:
+        if self.objective not in OBJECTIVES:
+            raise InvalidProblemError(
+                "objective", f"expected {' or '.join(OBJECTIVES)}, got {self.objective!r}"
+            )
+        if self.objective != LEAST_TIME:
+            return
+        if not self.has_auto_duration:
+            raise InvalidProblemError(
+                "duration",
+                f"expected {AUTO}, got {self.duration:g}: objective {LEAST_TIME} finds the least;"
+                f" give {AUTO}, or leave out the objective",
+            )
+        assert self.limits is not None  # an automatic duration has them
+        if not any(key in self.limits.keys for key in _BOUND_TIME):
+            raise InvalidProblemError(
+                "limits.acceleration",
+                f"missing; objective {LEAST_TIME} needs a limit that bounds time: of"
+                f" {', '.join(_BOUND_TIME[:-1])} or {_BOUND_TIME[-1]}",
+            )
+
     def _check_horizontal(self, key: str, state: State) -> None:
         roll = float(self.boresight @ state.angular_velocity)
         scale = max(1.0, float(np.linalg.norm(state.angular_velocity)))
@@ -256,6 +288,22 @@ class Problem:
     def has_auto_duration(self) -> bool:
         """Whether the duration is the least within the limits, yet to be found."""
         return math.isinf(self.duration)
+
+    def timed(self, duration: float, limits: Limits | None = None) -> Problem:
+        """The problem of least acceleration with the same ends and obstacles, a duration [s].
+
+        Parameters
+        ----------
+        duration
+            T [s].
+        limits
+            What it has to keep.
+        """
+        momentum = self.total_momentum if limits is not None else np.zeros(3)
+        return replace(
+            self, duration=duration, limits=limits, total_momentum=momentum,
+            objective=LEAST_ACCELERATION,
+        )  # fmt: skip
 
     @property
     def sigma(self) -> float:

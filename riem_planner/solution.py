@@ -34,7 +34,7 @@ class Alternative:
     Parameters
     ----------
     cost
-        Its cost, in the units of `Solution.cost`.
+        Its cost (of a problem of least time its duration), in the units of `Solution.cost`.
     clearance
         Certified lower bound of the distance to each forbidden set [rad].
     trajectory
@@ -61,7 +61,8 @@ class Solution:
     certificate
         The checker's verdict on it, or on the best trajectory that was refused.
     cost
-        `1/2 int (|a|^2 + sigma |v|^2 + sum V_i) dt` of the problem as stated [rad^2/s^3].
+        `1/2 int (|a|^2 + sigma |v|^2 + sum V_i) dt` of the problem as stated [rad^2/s^3]; of a
+        problem of least time the duration [s].
     trajectory_error, cost_error
         Estimated distance to the exact extremal [rad], and relative error of the cost. The former
         is infinite where many ways cost nearly the same and the cheapest was not determined.
@@ -87,6 +88,10 @@ class Solution:
     wall
         Of a refusal, where one is known: names of zones that close the goal off from the start,
         each overlapping the next and the last one the first, which proves that no path exists.
+    level
+        Of a problem of least time: `free path`, `retimed path` or `least_acceleration`.
+    least_possible_duration
+        Of a problem of least time: no path within the limits needs less [s].
     """
 
     status: Status
@@ -105,6 +110,8 @@ class Solution:
     goal_index: int | None = None
     notes: tuple[str, ...] = field(default=())
     wall: tuple[str, ...] = ()
+    level: str = ""
+    least_possible_duration: float | None = None
 
     @property
     def solved(self) -> bool:

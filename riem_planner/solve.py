@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from riem_planner.certificate import Certificate, certify
 from riem_planner.certificate.walls import find_wall
 from riem_planner.cost import trajectory_cost
-from riem_planner.duration import advised, solve_auto
+from riem_planner.duration import Solve, advised, solve_auto
 from riem_planner.geometry import so3
 from riem_planner.goals import PointingGoal
 from riem_planner.hold import contact, hold_trajectory
@@ -24,7 +24,7 @@ from riem_planner.kernels import announced
 from riem_planner.limits import Limits
 from riem_planner.obstacles import OrientationObstacle, Zone
 from riem_planner.obstacles.potential import margins_along, rounding, row_margins
-from riem_planner.problem import S2, SO3, Problem, State
+from riem_planner.problem import LEAST_TIME, S2, SO3, Problem, State
 from riem_planner.solution import Alternative, PlanningError, Solution, Status
 from riem_planner.solver import shooting
 from riem_planner.solver.curves import crosses_cut, shift_end
@@ -83,6 +83,7 @@ def solve(
     tolerance: float = 1e-8,
     warm_start: Trajectory | None = None,
     search: Literal["global", "local"] = "global",
+    samples: int | None = None,
 ) -> Solution: ...
 
 
@@ -95,6 +96,7 @@ def solve(
     tolerance: float = 1e-8,
     warm_start: GeneralTrajectory | None = None,
     search: Literal["global", "local"] = "global",
+    samples: None = None,
 ) -> GeneralSolution: ...
 
 
@@ -106,6 +108,7 @@ def solve(
     tolerance: float = 1e-8,
     warm_start: Any = None,
     search: Literal["global", "local"] = "global",
+    samples: int | None = None,
 ) -> Solution | GeneralSolution:
     """Cheapest certified trajectory of a problem.
 
@@ -127,7 +130,10 @@ def solve(
         taken to fit the problem's.
     search
         `global` tries every class of paths worth it; `local` only the straightest, or that of
-        the warm start.
+        the warm start. Of a problem of least time `local` is the quickest motion along that path.
+    samples
+        Of the trajectory of a problem of least time, whose accelerations change from one to the
+        next; by default 201.
 
     Returns
     -------
@@ -143,13 +149,17 @@ def solve(
             warm_start=warm_start, detours=0 if search == "local" else 4,
             both_sides=search != "local",
         )  # fmt: skip
-    _load_kernels()
+    if problem.objective != LEAST_TIME:  # which needs them for some problems only
+        _load_kernels()
     watch = Watch(deadline, should_stop)
 
     def fixed(problem: Problem, near: Trajectory | None, *, local: bool = False) -> Solution:
+        _load_kernels()
         return _solve(problem, watch, tolerance, near or warm_start, local or search == "local")
 
     def single(problem: Problem) -> Solution:
+        if problem.objective == LEAST_TIME:
+            return _least_time(problem, watch, fixed, samples, warm_start, search == "local")
         if problem.has_auto_duration:
             return _walled_off(problem) or solve_auto(problem, fixed)
         solution = fixed(problem, None)
@@ -205,6 +215,26 @@ def _of_several(problem: Problem, single: Callable[[Problem], Solution]) -> Solu
         notes=(*chosen.notes, *notes),
         goal_index=best,
     )
+
+
+def _least_time(
+    problem: Problem,
+    watch: Watch,
+    fixed: Solve,
+    samples: int | None,
+    path: Trajectory | None,
+    local: bool,
+) -> Solution:
+    from riem_planner.least_time import SAMPLES, LeastTime  # slow to load, and not always needed
+
+    if not problem.goals[0].moves:
+        refusal = _end_in_zone(problem.timed(1.0), set_up(problem.timed(1.0)))
+        # Where zones move the goal may be clear by the time of arrival.
+        clears = problem.forbidden.moving and refusal and refusal.status is Status.GOAL_IN_ZONE
+        if refusal is not None and not clears:
+            return refusal
+    request = LeastTime(problem, watch, fixed, SAMPLES if samples is None else samples)
+    return request.along(path) if local else request.solve()
 
 
 def plan(problem: Problem, **options: Any) -> Trajectory:

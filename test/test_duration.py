@@ -72,7 +72,7 @@ def test_a_duration_that_breaks_a_limit_is_refused_with_the_least_that_does_not(
     assert solution.trajectory is None
     assert solution.certificate.breaks_only_limits
     assert "limits.rate" in solution.message
-    stated = float(solution.message.split("the least duration within the limits is ")[1].split()[0])
+    stated = float(solution.message.split("least-acceleration curves found is ")[1].split()[0])
     assert stated == pytest.approx(least, rel=1e-3)
     assert solve(replace(problem, duration=stated)).solved
 

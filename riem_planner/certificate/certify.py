@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
+
+import numpy as np
 
 from riem_planner.certificate import curve
 from riem_planner.certificate.after_arrival import with_hold
@@ -23,7 +25,7 @@ from riem_planner.certificate.tolerances import (
 )
 from riem_planner.geometry import so3
 from riem_planner.limits import Limits
-from riem_planner.problem import S2, Problem, State
+from riem_planner.problem import LEAST_TIME, S2, Problem, State
 from riem_planner.trajectory import Trajectory
 
 
@@ -103,8 +105,10 @@ def certify(
     hold
         What follows the arrival, where the problem asks for a hold; by default the hold itself.
     """
+    limited = problem.limits
+    smooth = problem.objective == LEAST_TIME and limited is not None and limited.smooth
     if problem.has_auto_duration:
-        problem = replace(problem, duration=trajectory.duration)
+        problem = problem.timed(trajectory.duration, limited)
     start = problem.start
     goal = problem.arrival_near(so3.quaternion_to_matrix(trajectory.quaternions_xyzw[-1]))
     figures = curve.examine_curve(
@@ -123,6 +127,8 @@ def certify(
         trajectory, problem.limits if limits is None else limits, problem.total_momentum
     )
     reasons = _refusals(figures, trajectory, problem, goal) + cleared.reasons
+    if smooth:
+        reasons += _rough_ends(trajectory)
     return Certificate(
         certified=not reasons and not within.reasons,
         reasons=reasons + within.reasons,
@@ -137,6 +143,16 @@ def certify(
         breaks_only_limits=bool(within.reasons) and not reasons,
         trajectory=trajectory,
         problem=problem,
+    )
+
+
+def _rough_ends(trajectory: Trajectory) -> tuple[str, ...]:
+    """Sentences for accelerations at the ends, where limits of jerk ask for none."""
+    a = np.linalg.norm(trajectory.angular_accelerations, axis=1)
+    return tuple(
+        f"{key}: an acceleration of {a[k]:.3g} rad/s^2, where a limit of jerk asks for none"
+        for key, k in (("start", 0), ("goal", -1))
+        if not a[k] <= RATE_TOLERANCE * np.max(a)
     )
 
 

@@ -39,7 +39,7 @@ from riem_planner.certificate.interval import (
     third_derivative,
 )
 from riem_planner.kernels import inlined, kernel
-from riem_planner.limits import (
+from riem_planner.limit_rows import (
     ACCELERATION,
     JERK,
     KEYS,

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from riem_planner.certificate.limit_bounds import bound_limits
-from riem_planner.limits import KEYS, POWERS, QUANTITIES, UNITS, WHEEL_TORQUE, WHEELS, Limits
+from riem_planner.limit_rows import KEYS, POWERS, QUANTITIES, UNITS, WHEEL_TORQUE, WHEELS
+from riem_planner.limits import Limits
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

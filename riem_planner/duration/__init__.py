@@ -15,7 +15,21 @@ The search ends without an answer past a thousand times where it began, or where
 found any more: with strengths of their own, obstacles push as hard however long a slew takes.
 """
 
-from riem_planner.duration.least import advised, least_duration, solve_auto
+from riem_planner.duration.least import (
+    advised,
+    broken_at_ends,
+    least_duration,
+    nothing_to_do,
+    solve_auto,
+)
 from riem_planner.duration.search import LeastDuration, Solve
 
-__all__ = ["LeastDuration", "Solve", "advised", "least_duration", "solve_auto"]
+__all__ = [
+    "LeastDuration",
+    "Solve",
+    "advised",
+    "broken_at_ends",
+    "least_duration",
+    "nothing_to_do",
+    "solve_auto",
+]

@@ -17,7 +17,8 @@ from riem_planner.duration.search import (
     searched,
 )
 from riem_planner.geometry import so3
-from riem_planner.limits import KEYS, MOMENTUM, POWERS, RATE, WHEEL_MOMENTUM, Limits
+from riem_planner.limit_rows import KEYS, MOMENTUM, POWERS, RATE, WHEEL_MOMENTUM
+from riem_planner.limits import Limits
 from riem_planner.problem import S2, Problem
 from riem_planner.solution import Solution, Status
 from riem_planner.solver.watch import InterruptedSolveError
@@ -84,13 +85,13 @@ def least_duration(problem: Problem, solve: Solve) -> LeastDuration:
     limits = problem.limits
     if limits is None:
         raise ValueError("the least duration needs limits; the problem has none")
-    free = replace(problem, limits=None, duration=1.0)
-    failure = _broken_at_ends(free, limits)
+    free = problem.timed(1.0)
+    failure = broken_at_ends(problem, limits)
     if failure is not None:
         return LeastDuration(math.inf, failure=failure)
     estimate = _estimate(free, limits)
     if estimate == 0.0:
-        if not (free.obstacles and _scales(free)):
+        if not (free.obstacles and _scales(problem)):
             return _stays(free)
         estimate = 1.0  # s; obstacles push the path out and back, as far whatever the duration
     if not _LEAST_ESTIMATE <= estimate <= _GREATEST_ESTIMATE:
@@ -98,9 +99,9 @@ def least_duration(problem: Problem, solve: Solve) -> LeastDuration:
             f"these limits mean a slew of about {estimate:.4g} s; check their units (rad/s,"
             " rad/s^2, N m, N m s, and kg m^2 of the inertia)"
         )
-    if _scales(free):
+    if _scales(problem):
         return _scaled(free, limits, solve, estimate)
-    return searched(free, limits, solve, estimate)
+    return searched(free, limits, solve, estimate, problem.total_momentum)
 
 
 def _impossible(message: str) -> LeastDuration:
@@ -113,14 +114,30 @@ def _stays(problem: Problem) -> LeastDuration:
     return _impossible(f"start and goal are the same state at rest: {rule}; give one, in seconds")
 
 
+def nothing_to_do(problem: Problem) -> Solution | None:
+    """Refusal if start and goal are the same state at rest."""
+    if problem.goals[0].moves:
+        return None
+    start, goal = problem.start, problem.arrival
+    if np.any(start.angular_velocity) or np.any(goal.angular_velocity):
+        return None
+    R_0, R_1 = start.orientation, goal.orientation
+    axis = problem.boresight if problem.space == S2 else problem.roll_axis
+    if axis is not None:
+        there = float(np.linalg.norm((R_1 - R_0) @ axis)) > 0.0
+    else:
+        there = float(so3.distance(R_0, R_1)) > 0.0
+    return None if there else _stays(problem).failure
+
+
 def _sentence(found: LeastDuration) -> str:
     return (
-        f"the least duration within the limits is {found.duration:.6g} s, bound by limits."
-        f"{found.binding}"
+        f"the least duration of the least-acceleration curves found is {found.duration:.6g} s,"
+        f" bound by limits.{found.binding}; objective least_time may be quicker"
     )
 
 
-def _broken_at_ends(problem: Problem, limits: Limits) -> Solution | None:
+def broken_at_ends(problem: Problem, limits: Limits) -> Solution | None:
     """Refusal if the rate asked for at an end is more than the limits allow."""
     ends = [("start", problem.start, problem.start.angular_velocity[None])]
     if not problem.goals[0].moves:  # else its rate depends on the duration
@@ -195,7 +212,7 @@ def _scaled(free: Problem, limits: Limits, solve: Solve, estimate: float) -> Lea
     solution = solve(replace(free, duration=estimate), None)
     if solution.trajectory is None:
         return LeastDuration(math.inf, failure=solution)
-    factor, binding, trajectory = quickest(solution, limits, free)
+    factor, binding, trajectory = quickest(solution, limits)
     if estimate * factor < _LEAST_ESTIMATE:
         return _stays(free)
     return LeastDuration(estimate * factor * (1.0 + MARGIN), binding, trajectory)

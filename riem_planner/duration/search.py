@@ -9,6 +9,7 @@ from functools import partial
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from riem_planner.certificate import certify_limits
 from riem_planner.geometry import so3
@@ -16,6 +17,10 @@ from riem_planner.limits import Limits
 from riem_planner.problem import Problem
 from riem_planner.solution import Solution, Status
 from riem_planner.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+AT_REST = np.zeros(3)
 
 TOLERANCE = 0.004
 """Relative error of the least duration where it has to be searched for."""
@@ -69,11 +74,13 @@ def _candidates(solution: Solution) -> list[Trajectory]:
     return [solution.trajectory, *(other.trajectory for other in solution.alternatives)]
 
 
-def quickest(solution: Solution, limits: Limits, free: Problem) -> tuple[float, str, Trajectory]:
+def quickest(
+    solution: Solution, limits: Limits, total_momentum: Array = AT_REST
+) -> tuple[float, str, Trajectory]:
     """The trajectory that has to be stretched least, with its factor and binding limit."""
     stretched = []
     for each in _candidates(solution):
-        use = certify_limits(each, limits, free.total_momentum)
+        use = certify_limits(each, limits, total_momentum)
         stretched.append((use.stretch, use.binding, each))
     return min(stretched, key=lambda item: item[0])
 
@@ -100,6 +107,7 @@ class _Trials:
 
     free: Problem
     limits: Limits
+    total_momentum: Array
     solve: Solve
     made: list[_Trial] = field(default_factory=list)
 
@@ -115,12 +123,22 @@ class _Trials:
         return self._add(T, self.solve(timed, kept.trajectory, local=True))
 
     def _add(self, T: float, solution: Solution) -> _Trial:
-        quick = () if solution.trajectory is None else quickest(solution, self.limits, self.free)
+        quick = (
+            ()
+            if solution.trajectory is None
+            else quickest(solution, self.limits, self.total_momentum)
+        )
         self.made.append(_Trial(T, solution, *quick))
         return self.made[-1]
 
 
-def searched(free: Problem, limits: Limits, solve: Solve, estimate: float) -> LeastDuration:
+def searched(
+    free: Problem,
+    limits: Limits,
+    solve: Solve,
+    estimate: float,
+    total_momentum: Array = AT_REST,
+) -> LeastDuration:
     """The least duration where the path changes with it.
 
     Parameters
@@ -133,8 +151,10 @@ def searched(free: Problem, limits: Limits, solve: Solve, estimate: float) -> Le
         Solves a problem of fixed duration and no limits.
     estimate
         Duration that the straight slew would need [s].
+    total_momentum : (3,)
+        Of body and wheels, in the reference frame [N m s].
     """
-    trials = _Trials(free, limits, solve)
+    trials = _Trials(free, limits, total_momentum, solve)
     broken = trials.at(_start_of_search(free, estimate))
     while broken.kept and len(trials.made) < _MOST_SOLVES:
         broken = trials.at(0.5 * broken.duration)

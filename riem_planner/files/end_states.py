@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -151,7 +150,7 @@ def check_end_states(problem: Problem, top: Section) -> None:
     if problem.has_auto_duration:
         if problem.forbidden.moving or any(goal.moves for goal in problem.goals):
             return
-        problem = replace(problem, duration=1.0)  # any will do where nothing moves
+        problem = problem.timed(1.0, problem.limits)  # any will do where nothing moves
     refused = []
     several = isinstance(problem.goal, tuple)
     for i in range(len(problem.goals)):

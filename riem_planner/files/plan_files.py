@@ -57,7 +57,10 @@ def plan_document(plan: Plan) -> dict[str, Any]:
         document["wall"] = list(solution.wall)
     if solution.goal_index is not None:
         document["goal_index"] = solution.goal_index
-    document["problem"] = problem_document(plan.problem)
+    if solution.level:
+        document["level"] = solution.level
+        document["least_possible_duration"] = solution.least_possible_duration
+    document["problem"] = problem_document(plan.stated or plan.problem)
     document.update(_samples(plan.trajectory))
     if plan.hold is not None and plan.trajectory is not None:
         document["hold"] = _samples(plan.hold, plan.trajectory.duration)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from riem_planner.certificate import Certificate
-from riem_planner.problem import Problem
+from riem_planner.problem import LEAST_TIME, Problem
 from riem_planner.solution import Solution
 from riem_planner.trajectory import Trajectory
 
@@ -26,6 +26,8 @@ class Plan:
         The verdict on that trajectory itself; None where there is none to judge.
     hold
         What follows the trajectory, where the problem asks for a hold.
+    stated
+        The problem as it was stated, where that is another: of least time.
     """
 
     problem: Problem
@@ -33,6 +35,7 @@ class Plan:
     trajectory: Trajectory | None = None
     certificate: Certificate | None = None
     hold: Trajectory | None = None
+    stated: Problem | None = None
 
     @property
     def certified(self) -> bool:
@@ -42,6 +45,6 @@ class Plan:
 
 def with_duration_of(problem: Problem, trajectory: Trajectory) -> Problem:
     """The problem with a trajectory's duration, where it asks for the least."""
-    if not problem.has_auto_duration:
+    if not problem.has_auto_duration or problem.objective == LEAST_TIME:
         return problem
     return replace(problem, duration=trajectory.duration)

@@ -20,14 +20,15 @@ from riem_planner.files.end_states import check_end_states, read_goal, read_stat
 from riem_planner.files.places import read_direction
 from riem_planner.files.section import Section, number_at, shown
 from riem_planner.geometry import so3
-from riem_planner.limits import QUANTITIES, UNITS, WHEELS, Limits, Wheel, checked_inertia
+from riem_planner.limit_rows import QUANTITIES, UNITS, WHEELS
+from riem_planner.limits import Limits, Wheel, checked_inertia
 from riem_planner.obstacles import Obstacle, OrientationObstacle, Zone
-from riem_planner.problem import AUTO, S2, SO3, Problem
+from riem_planner.problem import AUTO, LEAST_ACCELERATION, OBJECTIVES, S2, SO3, Problem
 
 _SPACES = {space.name: space for space in (SO3, S2)}
 _TOP = (
     "name", "space", "boresight", "duration", "tension", "normalized_tension", "start", "goal",
-    "hold", "obstacles", "limits", "inertia", "total_momentum",
+    "hold", "obstacles", "limits", "inertia", "total_momentum", "objective",
 )  # fmt: skip
 _COMMON = ("name", "kind", "strength", "normalized_strength", "rate")
 _OBSTACLE_KEYS = {
@@ -64,6 +65,7 @@ def parse_problem(document: Any) -> Problem:
     name = top.text("name", "")
     boresight = read_direction(top, "boresight", [1.0, 0.0, 0.0])
     limits = read_limits(top)
+    objective = top.choice("objective", OBJECTIVES) if "objective" in top else LEAST_ACCELERATION
     problem = Problem(
         start=read_state(top, "start", space, boresight),
         goal=read_goal(top, space, boresight),
@@ -77,6 +79,7 @@ def parse_problem(document: Any) -> Problem:
         limits=limits,
         total_momentum=top.numbers("total_momentum", 3, [0.0, 0.0, 0.0]),
         hold=top.number("hold", 0.0),
+        objective=objective,
     )
     check_end_states(problem, top)
     return problem

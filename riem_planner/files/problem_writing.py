@@ -10,15 +10,18 @@ import numpy as np
 from riem_planner.geometry import so3
 from riem_planner.geometry.paths import Path, Turning
 from riem_planner.goals import AttitudeGoal, Goal
-from riem_planner.limits import QUANTITIES, Limits
+from riem_planner.limit_rows import QUANTITIES
+from riem_planner.limits import Limits
 from riem_planner.obstacles import Obstacle, OrientationObstacle
-from riem_planner.problem import AUTO, Problem, State
+from riem_planner.problem import AUTO, LEAST_ACCELERATION, Problem, State
 
 
 def problem_document(problem: Problem) -> dict[str, Any]:
     """Document that states a problem, of plain values; `parse_problem` reads it back."""
     document: dict[str, Any] = {"name": problem.name} if problem.name else {}
     document["space"] = problem.space.name
+    if problem.objective != LEAST_ACCELERATION:
+        document["objective"] = problem.objective
     document["boresight"] = problem.boresight.tolist()
     document["duration"] = AUTO if problem.has_auto_duration else problem.duration
     if problem.normalized_tension is not None:

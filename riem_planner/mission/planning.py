@@ -15,7 +15,7 @@ from riem_planner.geometry import so3
 from riem_planner.mission.settings import Settings
 from riem_planner.mission.timeline import Setpoint
 from riem_planner.mission.zone_tracker import World
-from riem_planner.problem import AUTO, Problem, State
+from riem_planner.problem import AUTO, LEAST_ACCELERATION, Problem, State
 from riem_planner.solution import Solution, Status
 from riem_planner.solve import solve
 from riem_planner.trajectory import Trajectory
@@ -177,6 +177,7 @@ def build_problem(
         obstacles=world.obstacles(start.stamp_ns),
         boresight=settings.boresight,
         limits=settings.limits,
+        objective=LEAST_ACCELERATION if duration else settings.objective,
     )
 
 
@@ -199,7 +200,9 @@ def carry_out(request: Request, should_stop: Callable[[], bool] = lambda: False)
         certificate = solution.certificate
         if solution.solved and certificate is not None:
             if certificate.rate_bound <= attempt.fastest:
-                problem = replace(attempt.problem, duration=certificate.trajectory.duration)
+                problem = attempt.problem.timed(
+                    certificate.trajectory.duration, attempt.problem.limits
+                )
                 return Result(request, solution, problem, time.monotonic() - begin)
             continue
         worst = (solution, attempt.problem)

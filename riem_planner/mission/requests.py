@@ -97,11 +97,13 @@ def _durations(settings: Settings, start: Setpoint, goal: Goal) -> list[float]:
     assert settings.limits is not None  # the least duration is within limits
     angle = float(so3.quaternion_distance(start.quaternion, goal.at(start.stamp_ns)))
     axis = np.array([1.0, 1.0, 1.0]) / np.sqrt(3.0)
-    fast = settings.limits.used(axis, np.zeros(3))
-    hard = settings.limits.used(np.zeros(3), axis)
-    speed = float(np.linalg.norm(goal.rate))
-    least = max(angle, 0.1) * max(fast.values()) + 2.5 * np.sqrt(
-        max(angle, 0.1) * max(hard.values())
+    still = np.zeros(3)
+    fast, hard, rough = (
+        max(settings.limits.used(*motion).values())
+        for motion in ((axis, still, still), (still, axis, still), (still, still, axis))
     )
-    least += 2.0 * speed * max(hard.values())
+    speed = float(np.linalg.norm(goal.rate))
+    turn = max(angle, 0.1)
+    least = turn * fast + 2.5 * np.sqrt(turn * hard) + 3.0 * np.cbrt(turn * rough)
+    least += 2.0 * speed * hard
     return [float(least * factor) for factor in (1.0, 1.4, 2.0, 3.0, 5.0)]

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from riem_planner.checks import finite_array, unit_quaternion, unit_vector
 from riem_planner.errors import InvalidProblemError
-from riem_planner.limits import Limits
-from riem_planner.problem import S2, SO3, Space
+from riem_planner.limit_rows import QUANTITIES
+from riem_planner.limits import Limits, Wheel
+from riem_planner.problem import LEAST_ACCELERATION, LEAST_TIME, OBJECTIVES, S2, SO3, Space
 
 Array = NDArray[np.float64]
 Kind = Literal["number", "integer", "flag", "text", "texts", "numbers", "scalar_or_numbers"]
@@ -27,6 +28,9 @@ _CONVERSIONS: dict[str, Callable[[Any], Any]] = {
     "flag": bool,
     "text": str,
 }
+
+
+_NUMBERS_A_WHEEL = 5
 
 
 @dataclass(frozen=True)
@@ -99,11 +103,29 @@ SPECIFICATIONS: tuple[Specification, ...] = (
     ),
     _fixed("reference_frame", "text", "inertial", "frame that messages must name"),
     _fixed("body_frame", "text", "base_link", "frame of the body, in ~/state and ~/imu"),
-    _number("duration", 60.0, "of a slew; 0: the least within the limits [s]", 0.0, 1e6),
+    Specification(
+        "objective",
+        "text",
+        LEAST_ACCELERATION,
+        "least_acceleration: the paper's; least_time: as quick as the limits allow (duration 0)",
+        choices=OBJECTIVES,
+    ),
+    _number("duration", 60.0, "of a slew; 0: the least found within the limits [s]", 0.0, 1e6),
     _limit("limits.rate", "largest body rate, one number or one per axis; unset: none [rad/s]"),
     _limit("limits.acceleration", "largest body acceleration, one or three; unset: none [rad/s^2]"),
     _limit("limits.torque", "largest torque, one or three; needs inertia; unset: none [N m]"),
     _limit("limits.momentum", "largest momentum, one or three; needs inertia; unset: none [N m s]"),
+    _limit("limits.jerk", "largest change of acceleration, one or three; unset: none [rad/s^3]"),
+    _limit("limits.torque_rate", "largest change of torque; needs inertia; unset: none [N m/s]"),
+    Specification(
+        "limits.wheels",
+        "numbers",
+        [],
+        "reaction wheels, at least three: of each its axis (three numbers), the torque it gives and"
+        " the momentum it stores; needs inertia; unset: none [any length, N m, N m s]",
+        -1e9,
+        1e9,
+    ),
     Specification(
         "inertia",
         "numbers",
@@ -344,6 +366,7 @@ class Settings:
     boresight: Array
     reference_frame: str
     body_frame: str
+    objective: str
     duration: float
     limits: Limits | None
     normalized_tension: float
@@ -436,14 +459,28 @@ def _check_place_unset(zone: str, body: str, values: Mapping[str, Any]) -> None:
 
 def _limits(values: Mapping[str, Any]) -> Limits | None:
     limits: dict[str, Any] = {}
-    for key in ("rate", "acceleration", "torque", "momentum"):
+    for key in QUANTITIES:
         value = _optional(values[f"limits.{key}"])
         if value is not None:
             limits[key] = value[0] if isinstance(value, list) and len(value) == 1 else value
-    if not limits:
+    limits["wheels"] = _wheels(_optional(values["limits.wheels"]) or [])
+    if not any(limits.values()):
         return None
     inertia = _optional(values["inertia"])
     return Limits(**limits, inertia=None if inertia is None else np.reshape(inertia, (3, 3)))
+
+
+def _wheels(numbers: list[float]) -> tuple[Wheel, ...]:
+    if len(numbers) % _NUMBERS_A_WHEEL:
+        raise InvalidProblemError(
+            "limits.wheels",
+            f"expected {_NUMBERS_A_WHEEL} numbers a wheel (axis x, y, z, torque, momentum), got"
+            f" {len(numbers)}",
+        )
+    return tuple(
+        Wheel(each[:3], float(each[3]), float(each[4]))
+        for each in np.reshape(numbers, (-1, _NUMBERS_A_WHEEL))
+    )
 
 
 def _check_zones(zones: tuple[ZoneSettings, ...]) -> None:
@@ -485,6 +522,10 @@ def settings_from_values(values: Mapping[str, Any]) -> Settings:
     limits = _limits(values)
     if values["duration"] == 0.0 and limits is None:
         raise InvalidProblemError("duration", "0 is the least within limits, but none is set")
+    if values["objective"] == LEAST_TIME and values["duration"] != 0.0:
+        raise InvalidProblemError(
+            "duration", f"expected 0.0 with objective {LEAST_TIME}, got {values['duration']:g}"
+        )
     goal = _optional(values["goal.orientation"])
     made: dict[str, Any] = {
         "space": S2 if values["space"] == "s2" else SO3,

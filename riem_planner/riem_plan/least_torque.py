@@ -7,7 +7,7 @@ import time
 from dataclasses import replace
 
 from riem_planner.errors import InvalidProblemError
-from riem_planner.problem import Problem
+from riem_planner.problem import LEAST_TIME, Problem
 from riem_planner.solution import Solution
 
 
@@ -17,8 +17,13 @@ def check_least_torque(problem: Problem) -> None:
     Raises
     ------
     InvalidProblemError
-        The space is not so3, or there is no inertia.
+        The space is not so3, there is no inertia, or time is to be least.
     """
+    if problem.objective == LEAST_TIME:
+        raise InvalidProblemError(
+            "objective",
+            f"{LEAST_TIME} and --least-torque ask for different curves; leave out one of them",
+        )
     if problem.space.name != "so3":
         raise InvalidProblemError("space", "--least-torque needs so3: on s2 the roll is free")
     if problem.limits is None or problem.limits.inertia is None:

@@ -11,13 +11,14 @@ from riem_planner.certificate import certify
 from riem_planner.files.plans import Plan, with_duration_of
 from riem_planner.geometry import so3
 from riem_planner.hold import hold_trajectory
-from riem_planner.problem import Problem
+from riem_planner.problem import LEAST_ACCELERATION, LEAST_TIME, Problem
 from riem_planner.riem_plan.least_torque import check_least_torque, with_least_torque
 from riem_planner.solution import Solution, Status
 from riem_planner.solve import solve
 from riem_planner.trajectory import Trajectory
 
 DEFAULT_SAMPLES = 201
+LEAST_SAMPLES = 21  # of a plan of least time, in which a switch takes an interval
 _DEVIATION = 1e-4  # rad between samples, beyond which a plan is no longer the one solved for
 _DOUBLINGS = 4  # of the samples, before the certificate of the samples is given up
 
@@ -45,6 +46,8 @@ def plan_problem(
     """
     if least_torque:
         check_least_torque(problem)
+    if problem.objective == LEAST_TIME:
+        return _least_time(problem, samples)
     solution = solve(problem)
     if not solution.solved or solution.trajectory is None:
         return Plan(problem, solution)
@@ -52,6 +55,28 @@ def plan_problem(
     if least_torque:
         solution = with_least_torque(problem, solution)
     return _publish(problem, solution, samples)
+
+
+def _least_time(problem: Problem, samples: int) -> Plan:
+    """The plan of a problem of least time, which is found on the samples of the plan."""
+    solution = solve(problem, samples=max(samples, LEAST_SAMPLES))
+    if solution.trajectory is None:
+        return Plan(problem, solution)
+    timed = problem.timed(solution.trajectory.duration, problem.limits)
+    if solution.level == LEAST_ACCELERATION:
+        return replace(_publish(timed, solution, samples), stated=problem)
+    notes = solution.notes
+    if solution.trajectory.times.size != samples:
+        notes += (f"{solution.trajectory.times.size} samples instead of {samples}",)
+    hold = hold_trajectory(timed.with_goal(solution.goal_index or 0), solution.trajectory)
+    return Plan(
+        timed,
+        replace(solution, notes=notes),
+        solution.trajectory,
+        solution.certificate,
+        hold,
+        stated=problem,
+    )
 
 
 def _sampling_notes(solved: Trajectory, sampled: Trajectory, asked: int) -> list[str]:

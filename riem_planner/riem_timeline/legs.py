@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riem_planner.certificate import certify_limits
-from riem_planner.limits import POWERS, QUANTITIES
+from riem_planner.limit_rows import POWERS, QUANTITIES
 from riem_planner.riem_timeline.inputs import SkyZone, Spacecraft
 from riem_planner.surveys import Slew, SlewVerdict, ZoneArray, slew_times
 from riem_planner.surveys.sky_clearance import sky_clearance

@@ -77,6 +77,11 @@ class Watch:
         return 1 + int(_LOOK * self._pace)
 
     @property
+    def limited(self) -> bool:
+        """Whether there is a deadline."""
+        return self._end is not None
+
+    @property
     def elapsed(self) -> float:
         """Time since the start [s]."""
         return time.monotonic() - self._begin

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -142,7 +142,7 @@ def _checked(
         raise InvalidProblemError("inertia", "missing; torque needs it: a 3x3 matrix in kg m^2")
     J = Limits(rate=1.0, inertia=inertia).inertia_matrix
     if problem.has_auto_duration:
-        problem = replace(problem, duration=trajectory.duration)
+        problem = problem.timed(trajectory.duration, problem.limits)
     if not abs(trajectory.duration - problem.duration) <= 1e-9 * problem.duration:
         raise InvalidProblemError(
             "trajectory",

@@ -99,3 +99,21 @@ def test_the_rviz_configuration_shows_the_topics_of_the_node():
     assert topics["/riem_planner/markers"]["Durability Policy"] == "Transient Local"
     frame = shown["Visualization Manager"]["Global Options"]["Fixed Frame"]
     assert frame == settings().reference_frame
+
+
+def test_least_time_and_wheels_are_settings():
+    wheels = [1.0, 0.0, 0.0, 0.005, 0.12, 0.0, 2.0, 0.0, 0.005, 0.12, 0.0, 0.0, 1.0, 0.01, 0.12]
+    values = default_values() | {
+        "objective": "least_time", "duration": 0.0, "limits.wheels": wheels, "limits.jerk": [5e-4],
+        "inertia": [2.0, 0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0, 4.0],
+    }  # fmt: skip
+    settings = settings_from_values(values)
+    assert settings.objective == "least_time"
+    assert settings.limits.keys == ("jerk", "wheels")
+    assert [wheel.torque for wheel in settings.limits.wheels] == [0.005, 0.005, 0.01]
+    for key, value, name in (
+        ("duration", 60.0, "duration"), ("limits.wheels", wheels[:14], "limits.wheels"),
+    ):  # fmt: skip
+        with pytest.raises(InvalidProblemError) as refusal:
+            settings_from_values(values | {key: value})
+        assert refusal.value.key == name
