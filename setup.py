@@ -78,6 +78,7 @@ setup(
             "riem_timeline = riem_planner.riem_timeline.command:main",
             "riem_figures = riem_planner.paper.figures:main",
             "riem_check = riem_planner.proof.check:main",
+            "riem_monitor = riem_planner.monitor_node.main:main",
         ],
     },
 )

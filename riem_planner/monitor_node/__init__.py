@@ -1,0 +1,1 @@
+"""The node `riem_monitor`: hears the planner and tells the first promise that is broken."""
