@@ -47,7 +47,7 @@ def _finite(vector: ArrayLike, size: int = 3) -> Array:
 
 def _product(p: Array, q: Array) -> Array:
     vector = p[3] * q[:3] + q[3] * p[:3] + np.cross(p[:3], q[:3])
-    return np.append(vector, p[3] * q[3] - p[:3] @ q[:3])
+    return np.asarray(np.append(vector, p[3] * q[3] - p[:3] @ q[:3]))
 
 
 def _turned(q: Array, v: Array) -> Array:
@@ -57,7 +57,7 @@ def _turned(q: Array, v: Array) -> Array:
 
 
 def _conjugate(q: Array) -> Array:
-    return q * np.array([-1.0, -1.0, -1.0, 1.0])
+    return np.asarray(q * np.array([-1.0, -1.0, -1.0, 1.0]))
 
 
 class Px4Setpoint(NamedTuple):

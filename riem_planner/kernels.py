@@ -7,7 +7,6 @@ interpreter lock, so that a solve in a worker thread never delays the stream of 
 from __future__ import annotations
 
 import hashlib
-import os
 import threading
 from collections.abc import Callable
 from contextlib import contextmanager
@@ -16,6 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import numba
+
+from riem_planner.kernel_cache import Place, cached, place_of
 
 # Reassociation and contraction let LLVM vectorise the reductions. Infinity keeps its meaning, but
 # tests for it must be comparisons: `isfinite(x)` is `x - x == 0`, which reassociation makes true.
@@ -36,11 +37,15 @@ _IMPORT, _CONSTANTS = (
     ("kernels.py", "limit_rows.py", "model.py", "table.py", "dop853.py"),
 )
 
+COMPILING = (
+    "compiling the solver, once on this machine (a minute or so); later starts take a second"
+)
+"""What is told to whoever waits for it."""
 _MESSAGE_AFTER = 1.5  # s; loading from the cache takes less
 
 
 @cache
-def _cache_directory(top: str = "") -> str:
+def place(top: str = "") -> Place:
     """Where kernels of just this source are kept; those of a top room by themselves.
 
     Numba looks at the file of a kernel only, not at those whose functions are compiled into it,
@@ -54,26 +59,15 @@ def _cache_directory(top: str = "") -> str:
             text = source.read_bytes()
             if _IMPORT in text or source.name in _CONSTANTS:
                 digest.update(text)
-    name = f"kernels-{digest.hexdigest()[:16]}"
-    if os.environ.get("NUMBA_CACHE_DIR"):
-        return str(Path(os.environ["NUMBA_CACHE_DIR"]) / name)
-    if os.access(package, os.W_OK):
-        return str(package / "__pycache__" / name)
-    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    return str(Path(home) / "riem_planner" / name)
+    return place_of(f"kernels-{digest.hexdigest()[:16]}")
 
 
 def kernel(function: Callable[..., Any], *, nogil: bool = True) -> Callable[..., Any]:
     """Compile a function to machine code on first use, cached on disk, without the GIL."""
-    before = numba.config.CACHE_DIR
     rooms = function.__module__.split(".")
-    numba.config.CACHE_DIR = _cache_directory(next((r for r in _TOP_ROOMS if r in rooms), ""))
-    try:
-        return numba.njit(  # type: ignore[no-any-return]
-            function, cache=True, nogil=nogil, error_model="numpy", fastmath=_FASTMATH
-        )
-    finally:
-        numba.config.CACHE_DIR = before
+    kept = place(next((room for room in _TOP_ROOMS if room in rooms), ""))
+    compiled = numba.njit(function, nogil=nogil, error_model="numpy", fastmath=_FASTMATH)
+    return cached(compiled, function, kept)  # type: ignore[no-any-return]
 
 
 def brief_kernel(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -121,7 +115,7 @@ def announced(notify: Callable[[str], None]) -> Any:
     timer = threading.Timer(
         _MESSAGE_AFTER,
         notify,
-        ["compiling the solver, once on this machine (a minute or so); later starts take a second"],
+        [COMPILING],
     )
     timer.daemon = True
     timer.start()

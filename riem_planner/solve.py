@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from riem_planner import kernel_cache
 from riem_planner.certificate import Certificate, certify
 from riem_planner.certificate.walls import find_wall
 from riem_planner.cost import trajectory_cost
@@ -20,7 +21,7 @@ from riem_planner.duration import Solve, advised, solve_auto
 from riem_planner.geometry import so3
 from riem_planner.goals import PointingGoal
 from riem_planner.hold import contact, hold_trajectory
-from riem_planner.kernels import announced
+from riem_planner.kernels import announced, place
 from riem_planner.limits import Limits
 from riem_planner.obstacles import OrientationObstacle, Zone
 from riem_planner.obstacles.potential import margins_along, rounding, row_margins
@@ -269,12 +270,15 @@ def warm_up(notify: Callable[[str], None] | None = None) -> None:
     Parameters
     ----------
     notify
-        Receives a message if compilation takes a while.
+        Receives a message if compilation takes a while, and what is wrong with the folders in
+        which compiled code is kept.
     """
     import riem_planner.solver.roadmap  # noqa: F401  what else loads when it is first needed
 
-    with announced(notify or (lambda _: None)):
+    tell_whom = notify or (lambda _: None)
+    with announced(tell_whom):
         _load_kernels()
+    kernel_cache.tell(tell_whom)
 
 
 @cache
@@ -295,6 +299,7 @@ def _load_kernels() -> None:
     margins_along(setup.table, 0.0, np.ones((1, 4)))
     follow_turns(np.ones(4), *np.zeros((3, 1, 3)))
     settled(setup.goal, np.ones(4))
+    place().complete()
 
 
 def _solve(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from riem_planner.mission import recovery
 from riem_planner.mission.codes import Code, Level
+from riem_planner.mission.phases import COURSE, Happening, Phase
 from riem_planner.mission.planning import Reason
 from riem_planner.mission.safety import Judge, Verdict
 from riem_planner.mission.settings import Settings
@@ -41,12 +42,10 @@ class Flight:
         What is streamed.
     verdict
         Of the timeline, when it was last judged.
-    leaving
-        Whether it is on the way out of a zone.
+    phase
+        What is flown, and whether it goes to the goal.
     slew
         The slew to the present goal that was flown last; None if none has been.
-    bound
-        Whether what is flown goes there.
     times
         When the slew begins and arrives, as it was told [ns].
     rescue_due, stop_due
@@ -57,9 +56,9 @@ class Flight:
         self.world, self.settings = world, settings
         self.reference = Reference()
         self.verdict: Verdict | None = None
-        self.leaving = self.rescue_due = self.stop_due = False
+        self.phase = Phase.IDLE
+        self.rescue_due = self.stop_due = False
         self.slew: Segment | None = None
-        self.bound = False
         self.times: tuple[int, int] | None = None
         self._judged = (-1, 0)
 
@@ -68,16 +67,35 @@ class Flight:
         """What is streamed, now and later."""
         return self.reference.timeline
 
+    @property
+    def bound(self) -> bool:
+        """Whether what is flown goes to the goal."""
+        return self.phase in (Phase.BOUND, Phase.RETURNING)
+
+    @property
+    def leaving(self) -> bool:
+        """Whether it is on the way out of a zone."""
+        return self.phase in (Phase.LEAVING, Phase.RETURNING)
+
+    def _now(self, happening: Happening) -> None:
+        self.phase = COURSE[self.phase, happening]
+
     def end(self) -> None:
         """Stream nothing any more."""
         self.reference.end()
         self.verdict = None
-        self.leaving = self.rescue_due = self.stop_due = False
+        self.rescue_due = self.stop_due = False
+        self._now(Happening.DROP)
         self.turn_to_another()
 
     def turn_to_another(self) -> None:
         """What is flown does not go to the goal that counts from now on."""
-        self.slew, self.bound, self.times = None, False, None
+        self.slew, self.times = None, None
+        self._now(Happening.TURN)
+
+    def part(self) -> None:
+        """The target that was followed has fallen silent."""
+        self._now(Happening.PART)
 
     def shift(self, nanoseconds: int) -> None:
         """The clock has jumped by that much."""
@@ -115,7 +133,8 @@ class Flight:
         if verdict.certified:
             if not self.reference.change(timeline, segments[0].start_ns):
                 return None
-            self.verdict, self.slew, self.bound = verdict, flown[0], True
+            self.verdict, self.slew = verdict, flown[0]
+            self._now(Happening.FLY)
             self.times = flown[0].start_ns, flown[0].end_ns
             self._judged = (self.world.version, now_ns)
         return verdict
@@ -156,7 +175,7 @@ class Flight:
         segment = self.timeline.segment_at(now_ns)
         way = next((s for s in self.timeline.segments if s.purpose is Purpose.WAY_OUT), None)
         if way is None or (segment is way and now_ns >= way.end_ns):
-            self.leaving = False
+            self._now(Happening.CLEAR)
             return False
         after = Timeline(tuple(s for s in self.timeline.segments if s.start_ns > way.start_ns))
         until = after.segments[0].start_ns if after else way.end_ns
@@ -173,7 +192,7 @@ class Flight:
         unbegun = now_ns + recovery.lead_ns(self.settings) < begin_ns
         if not unbegun or not self.reference.change(Timeline(), begin_ns - 1):
             return False
-        self.bound = False
+        self._now(Happening.DROP)
         return True
 
     def rescue(self, now_ns: int) -> recovery.Rescue | None:
@@ -196,8 +215,8 @@ class Flight:
     def _take(self, found: recovery.Rescue) -> bool:
         if not self.reference.change(found.timeline, found.timeline.last.start_ns):
             return False
-        self.bound = False
-        self.leaving = found.purpose is Purpose.WAY_OUT and not found.certified
+        out = found.purpose is Purpose.WAY_OUT and not found.certified
+        self._now(Happening.WAY_OUT if out else Happening.RESCUE)
         self.verdict = found.verdict
         return True
 

@@ -17,6 +17,7 @@ from riem_planner.mission.codes import Code, code_of
 from riem_planner.mission.events import Event, Measurement, Proposal
 from riem_planner.mission.flight import Flight
 from riem_planner.mission.ledger import Ledger
+from riem_planner.mission.phases import LIFE, Life, Order
 from riem_planner.mission.planning import Goal, Reason, Request, Result
 from riem_planner.mission.safety import Judge, Verdict
 from riem_planner.mission.settings import Settings
@@ -59,8 +60,8 @@ class Mission:
 
     Attributes
     ----------
-    active, ending
-        Whether it plans and streams; whether it only comes to rest, to be deactivated.
+    life
+        Whether it plans and streams, or only comes to rest.
     world
         What is known of zones and obstacles.
     flight
@@ -73,7 +74,8 @@ class Mission:
 
     def __init__(self, settings: Settings, *, keeps_goals: bool | None = None) -> None:
         self.settings = settings
-        self.active = self.ending = False
+        starts = settings.autostart if keeps_goals is None else keeps_goals
+        self.life = Life.NEW if starts else Life.INACTIVE
         self.world = World(settings)
         self.flight = Flight(self.world, settings)
         self.ledger = Ledger()
@@ -82,13 +84,17 @@ class Mission:
         self.pending: Request | None = None
         self.wanted: Request | None = None
         self.measured: Measurement | None = None
-        self._keeps_goals = settings.autostart if keeps_goals is None else keeps_goals
         self._last_ns: int | None = None
         self._planned_version = 0
         self._retry_ns = self._gain_ns = 0
         self._patience = 1.0
         self._overtaken = 0
         self._silent = False  # no more is heard of the target that was followed
+
+    @property
+    def active(self) -> bool:
+        """Whether it streams."""
+        return self.life in (Life.ACTIVE, Life.ENDING)
 
     @property
     def reference(self) -> Reference:
@@ -115,7 +121,7 @@ class Mission:
     def activate(self, now_ns: int) -> None:
         """Begin to plan and to stream; where nothing is streamed yet, from the measured state."""
         self.advance(now_ns)
-        self.active, self.ending, self._keeps_goals = True, False, False
+        self.life = LIFE[self.life, Order.ACTIVATE]
         self.ledger.fresh()
         if self.goal is not None:
             self._request(now_ns, Reason.GOAL)
@@ -133,7 +139,7 @@ class Mission:
             How long that is to take, if it can be had [s].
         """
         self.advance(now_ns)
-        self.ending = True
+        self.life = LIFE[self.life, Order.END]
         self._withdraw()
         message = self.flight.stop(now_ns, within) if self.timeline else "nothing was flown"
         self._give_up(f"cancelled, since the node ends its work: {message}")
@@ -145,7 +151,7 @@ class Mission:
 
     def deactivate(self) -> None:
         """Stream and plan no more; call it once the stream has come to rest."""
-        self.active = self.ending = False
+        self.life = LIFE[self.life, Order.DEACTIVATE]
         self._withdraw()
         self._give_up("cancelled: the node is deactivated")
         self.flight.end()
@@ -158,9 +164,11 @@ class Mission:
     def configure(self, settings: Settings, now_ns: int) -> None:
         """Take new parameters, and judge what flies by them."""
         self.advance(now_ns)
+        waited = self.world.missing
         self.settings = self.flight.settings = settings
         self.world.configure(settings)
         self._judge(now_ns)
+        self._no_longer_waited_for(waited, now_ns)
 
     def set_goal(self, goal: Goal, now_ns: int, *, stamped: bool = True) -> bool:
         """Go there.
@@ -208,7 +216,7 @@ class Mission:
         self._rename(replace(told, stamp_ns=self.goal.stamp_ns))
         self._silent = False
         if not self.flight.bound:
-            if self.pending is None and self.shown is None and self.active and not self.ending:
+            if self.pending is None and self.shown is None and self.life is Life.ACTIVE:
                 self._request(now_ns, Reason.RETRY)
         elif not tracking.correct(self.flight, self.goal, now_ns) and not self.flight.arrived():
             self._request(now_ns, Reason.TARGET)
@@ -246,7 +254,7 @@ class Mission:
 
     def _objection(self, goal: Goal, now_ns: int) -> str:
         """Why a goal can't be taken at all; empty if it can."""
-        if self.ending or not (self.active or self._keeps_goals):
+        if self.life in (Life.INACTIVE, Life.ENDING):
             return INACTIVE
         if not self.active or self.world.missing or not now_ns:
             return ""  # to be looked at when it can be planned to
@@ -272,7 +280,12 @@ class Mission:
         waited = self.world.missing
         if self.world.update(source, direction, stamp_ns):
             self._judge(now_ns)
-        if waited and not self.world.missing and self.goal is not None and self.active:
+        self._no_longer_waited_for(waited, now_ns)
+
+    def _no_longer_waited_for(self, waited: tuple[str, ...], now_ns: int) -> None:
+        """Plan, if a direction has come that was waited for."""
+        came = waited and not self.world.missing
+        if came and self.goal is not None and self.life is Life.ACTIVE:
             self._request(now_ns, Reason.RETRY)
 
     def see_obstacles(self, quaternions: Array, stamp_ns: int, now_ns: int) -> None:
@@ -298,7 +311,7 @@ class Mission:
     def replan(self, now_ns: int) -> tuple[bool, str]:
         """Plan to the goal anew."""
         self.advance(now_ns)
-        if self.ending or not self.active:
+        if self.life is not Life.ACTIVE:
             return False, "the node is not active"
         if self.goal is None:
             return False, "there is no goal; send one to ~/goal"
@@ -309,7 +322,7 @@ class Mission:
     def cancel(self, now_ns: int) -> tuple[bool, str]:
         """Give up the goal, come to rest along a certified stop, and hold."""
         self.advance(now_ns)
-        if self.ending or not self.active:
+        if self.life is not Life.ACTIVE:
             kept = self.goal is not None
             self._give_up("cancelled before it was planned to")
             return kept, "the goal that was kept is given up" if kept else "the node is not active"
@@ -325,7 +338,7 @@ class Mission:
         """Fly the plan that is shown, if it is certified at this moment."""
         self.advance(now_ns)
         proposal = self.shown
-        if self.ending or not self.active:
+        if self.life is not Life.ACTIVE:
             return False, "the node is not active"
         if proposal is None:
             return False, "no plan is shown"
@@ -350,7 +363,8 @@ class Mission:
         if self.ledger.unfinished is not None and self.flight.arrived():
             self._arrive()
         if self.goal is not None and self.goal.moving and self.flight.parting():
-            self.flight.bound, self._silent = False, True
+            self.flight.part()
+            self._silent = True
             timeout = self.settings.tracking_timeout
             message = f"nothing was heard of the target for {timeout:g} s: a certified stop"
             self.ledger.tell(Code.STOP, message, self.goal)
@@ -400,7 +414,7 @@ class Mission:
         """Take in what became of the pending request; anything else is out of date."""
         self.advance(now_ns)
         request, solution = result.request, result.solution
-        if request is not self.pending or self.ending or not self.active:
+        if request is not self.pending or self.life is not Life.ACTIVE:
             return
         self.pending = None
         if solution.trajectory is None:
@@ -441,7 +455,7 @@ class Mission:
         soon = now_ns + recovery.lead_ns(self.settings)
         if request.fresh and not self.timeline:
             moving = float(np.linalg.norm(request.start.rate)) > 0.0
-            if not moving:
+            if not (moving or request.goal.moving):
                 return now_ns
             return request.splice_ns if request.splice_ns >= now_ns else None
         if request.splice_ns >= now_ns:
@@ -565,7 +579,7 @@ class Mission:
         """Ask for a plan to the goal; the newest request counts."""
         self._withdraw()
         goal = self.goal
-        if goal is None or self.ending:
+        if goal is None or self.life is Life.ENDING:
             return
         self._retry_ns = now_ns + RETRY_NS
         waits = self._waits_for()

@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from riem_planner.mission.codes import Code
+from riem_planner.mission.phases import Happening, Phase, diagram
 from riem_planner.mission.settings import (
     BODY_SPECIFICATIONS,
     SPECIFICATIONS,
@@ -134,6 +135,14 @@ def codes_table() -> str:
     return "\n".join(rows) + "\n"
 
 
+def phases_section() -> str:
+    """The diagram of what is flown, and what its words mean."""
+    rows = ["```text", *diagram().splitlines(), "```", "", "| word | meaning |", "|---|---|"]
+    words: list[Phase | Happening] = [*Phase, *Happening]
+    rows += [f"| `{word.name}` | {word.value} |" for word in words]
+    return "\n".join(rows) + "\n"
+
+
 def inserted(page: str, name: str, text: str) -> str:
     """A page with a text between its marks `<!-- name -->` and `<!-- end -->`."""
     begin = f"<!-- {name} -->\n"
@@ -144,7 +153,7 @@ def inserted(page: str, name: str, text: str) -> str:
 
 def node_page(page: str) -> str:
     """The page of the node with what is made from the code brought up to date."""
-    return inserted(page, "codes", codes_table())
+    return inserted(inserted(page, "codes", codes_table()), "phases", phases_section())
 
 
 def main() -> None:

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 CUT_TOLERANCE = 1e-7
 """Clearance asked of a part of a trajectory, which is fitted anew where it is cut [rad]."""
-_STILL_FALLING = 0.05  # rad
+_AT_REST = 1e-9  # rad/s
 
 
 @dataclass(frozen=True)
@@ -134,15 +134,23 @@ class Judge:
         return Verdict(tuple(dict.fromkeys(reasons)), clearance, worst)
 
     def leaves(self, segment: Segment, until_ns: int) -> bool:
-        """Whether a way out still does what it is for: the margin never falls, then is positive."""
+        """Whether a way out still does what it is for: the margin never falls, then is positive.
+
+        While the rate that it began with is taken out the margin may have to fall.
+        """
         begin = segment.elapsed(max(self.now_ns, segment.start_ns))
-        rest = np.linspace(begin, max(segment.elapsed(until_ns), begin), 100)
+        after = max(begin, _first_rest(segment.trajectory))
+        rest = np.linspace(after, max(segment.elapsed(until_ns), after), 100)
         attitudes = segment.trajectory.evaluate(rest)[0]
         forbidden = self.forbidden(max(self.now_ns, segment.start_ns))
         margins = forbidden.least_margin(attitudes, rest - begin)
-        # While the rate it began with is taken out the margin may have to fall.
-        allowed = _STILL_FALLING if begin < 0.3 * segment.trajectory.duration else FINE
-        return bool(fall_before_exit(margins) <= allowed and margins[-1] > 0.0)
+        return bool(fall_before_exit(margins) <= FINE and margins[-1] > 0.0)
+
+
+def _first_rest(trajectory: Trajectory) -> float:
+    """When a way out has taken out the rate that it began with [s]."""
+    resting = np.linalg.norm(trajectory.angular_velocities, axis=1) < _AT_REST
+    return float(trajectory.times[int(np.argmax(resting))]) if resting.any() else 0.0
 
 
 def _pieces(

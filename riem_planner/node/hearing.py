@@ -125,11 +125,12 @@ class Ear:
         self._topic = topic
         self._resolved = node.resolve_topic_name(topic)
         self._latched = False
-        self._subscribe(Way.BEST_EFFORT)
         prefix = f"qos_overrides.{self._resolved}."
         told = any(name.startswith(prefix) for name in getattr(node, "_parameter_overrides", {}))
         if told or not streams:
+            # First, so that a sender who sees a subscription sees this one, and is not lost.
             self._subscribe(Way.RELIABLE)
+        self._subscribe(Way.BEST_EFFORT)
 
     def _subscribe(self, way: Way) -> None:
         def receive(data: bytes, info: dict[str, int]) -> None:

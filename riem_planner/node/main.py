@@ -64,6 +64,21 @@ def _come_to_rest(node: PlannerNode, again: threading.Event) -> None:
         node.get_logger().warning(f"the stream ends while it turns at {rate:.3g} rad/s")
 
 
+def _log_arguments() -> list[str]:
+    """What makes rclpy log to the terminal alone, where there is no folder for its files."""
+    home = os.environ.get("ROS_HOME") or os.path.expanduser("~/.ros")
+    folder = os.environ.get("ROS_LOG_DIR") or os.path.join(home, "log")
+    try:
+        os.makedirs(folder, exist_ok=True)
+        if os.access(folder, os.W_OK):
+            return []
+        why = "not writable"
+    except OSError as error:
+        why = str(error.strerror)
+    sys.stderr.write(f"no folder for logs ({folder}: {why}); they go to the terminal only\n")
+    return ["--ros-args", "--disable-external-lib-logs"]
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the node; returns the exit code.
 
@@ -93,9 +108,10 @@ def main(arguments: list[str] | None = None) -> int:
     from riem_planner.errors import InvalidProblemError
     from riem_planner.node.planner_node import PlannerNode
 
-    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    given = [*(sys.argv if arguments is None else arguments), *_log_arguments()]
+    rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
     try:
-        node = PlannerNode(settle=_settle, strict=True)
+        node = PlannerNode(settle=_settle, strict=True, arguments=given)
     except InvalidProblemError as error:
         get_logger("riem_planner").fatal(f"parameter {error}")
         rclpy.try_shutdown()

@@ -19,10 +19,13 @@ from std_srvs.srv import Trigger
 
 from msg_adapters import MessageError
 from riem_planner.errors import InvalidProblemError
+from riem_planner.mission.codes import Code
+from riem_planner.mission.events import Event
 from riem_planner.mission.mission import BACKWARD_NS, FORWARD_NS, Mission
 from riem_planner.mission.planning import Goal, Result
 from riem_planner.mission.settings import Settings
 from riem_planner.node import inputs, outputs, reports
+from riem_planner.node.compilation import compile_beside
 from riem_planner.node.hearing import Ear
 from riem_planner.node.overrides import inapplicable
 from riem_planner.node.parameters import Parameters
@@ -42,6 +45,8 @@ STANDSTILL = 5.0
 """How long the clock may stand still while a stop is waited for [s]."""
 CLOCK_PATIENCE = 2.0
 """How long a simulated clock may be silent before it is said so [s]."""
+ENDS = 1000
+"""Goals whose ends are remembered."""
 CLOSE_WITHIN = 0.3
 """Time given to each thread to end [s]."""
 
@@ -59,8 +64,11 @@ class PlannerNode(LifecycleNode):
         Its name, if no remapping gives it another.
     settle
         Called once the solver is loaded, before anything is streamed.
+    arguments
+        Those that rclpy was initialised with; None: those of the process.
     strict
-        Whether to raise where parameter files were given that are not for this node.
+        For a process that is this node's alone: whether to raise where parameter files were given
+        that are not for this node.
     options
         Those of a lifecycle node: `namespace`, `parameter_overrides`, `context`, `cli_args` ...
 
@@ -87,6 +95,7 @@ class PlannerNode(LifecycleNode):
         *,
         settle: Callable[[], None] = lambda: None,
         strict: bool = False,
+        arguments: Sequence[str] | None = None,
         **options: Any,
     ) -> None:
         self.lock = threading.RLock()
@@ -95,12 +104,18 @@ class PlannerNode(LifecycleNode):
         self._last_stamp = self._spinning = 0
         self._configured = False
         self._activated = threading.Event()
+        self._ends: dict[int, Code] = {}
+        self._ended = threading.Condition()
         self._threads: list[Callable[[float], bool]] = []
+        if not strict:
+            # rclpy leaves that service in the graph when the node is destroyed.
+            types = Parameter("start_type_description_service", value=False)
+            options["parameter_overrides"] = [types, *(options.get("parameter_overrides") or [])]
         super().__init__(node_name, **options)
         try:
-            arguments = options.get("cli_args")
-            if arguments or options.get("use_global_arguments", True):
-                self._check_files(arguments, strict)
+            own = options.get("cli_args")
+            if own or options.get("use_global_arguments", True):
+                self._check_files(own or arguments, strict)
             self._set_up()
         except BaseException:
             self.destroy_node()
@@ -162,6 +177,34 @@ class PlannerNode(LifecycleNode):
             Whether it is active; False if it is not yet.
         """
         return self._activated.wait(timeout_sec)
+
+    def wait_for_end(self, stamp_ns: int, timeout_sec: float | None = None) -> Code | None:
+        """Wait for the end of a goal; call it in another thread than the executor's.
+
+        Parameters
+        ----------
+        stamp_ns
+            Of the goal's message [ns].
+        timeout_sec
+            How long to wait [s]; None: as long as it takes.
+
+        Returns
+        -------
+        Code
+            `ARRIVED`, `REPLACED`, `CANCELLED` or `REFUSED`; None if there has been no end yet.
+        """
+        with self._ended:
+            self._ended.wait_for(lambda: stamp_ns in self._ends, timeout_sec)
+            return self._ends.get(stamp_ns)
+
+    def _note_ends(self, events: list[Event]) -> None:
+        with self._ended:
+            for event in events:
+                if event.code.ends and event.goal is not None:
+                    self._ends[event.goal.stamp_ns] = event.code
+            while len(self._ends) > ENDS:
+                self._ends.pop(next(iter(self._ends)))
+            self._ended.notify_all()
 
     # Set-up -------------------------------------------------------------------------------------
 
@@ -265,8 +308,14 @@ class PlannerNode(LifecycleNode):
         failures: list[str] = []
 
         def warm() -> None:
+            def notify(sentence: str) -> None:
+                if not self._closing:
+                    self.get_logger().info(sentence)
+
             try:
-                warm_up(notify=lambda sentence: self.get_logger().info(sentence))
+                compile_beside(notify, lambda: self._closing)
+                if not self._closing:
+                    warm_up(notify)
             except Exception as error:
                 failures.append(f"{type(error).__name__}: {error}")
             done.set()
@@ -430,8 +479,11 @@ class PlannerNode(LifecycleNode):
         mission = self.mission
         if mission.pending is None:
             self.worker.withdraw()
-        for event in mission.take_events():
+        events = mission.take_events()
+        for event in events:
             self.outputs.tell(event)
+        if events:
+            self._note_ends(events)
         # Last, since telling beside a solve takes longer than before it.
         request = mission.take_wanted()
         if request is not None:

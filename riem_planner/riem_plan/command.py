@@ -16,6 +16,7 @@ from typing import TextIO
 
 from tqdm import tqdm
 
+from riem_planner import kernel_cache
 from riem_planner.errors import InvalidProblemError
 from riem_planner.files.output import partial_path, whole_file
 from riem_planner.files.plan_files import degrees, encoded, plan_document
@@ -63,6 +64,8 @@ def _answered(arguments: Sequence[str] | None) -> int:
     except KeyboardInterrupt:
         _say("interrupted")
         return INTERRUPTED
+    finally:
+        kernel_cache.tell(_say)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -100,6 +103,11 @@ def _parser() -> argparse.ArgumentParser:
         "--jobs", type=int, default=1, metavar="N", help="worker processes for a .jsonl file"
     )
     parser.add_argument(
+        "--warm-up",
+        action="store_true",
+        help="compile the solver where it is not yet, for an image; a PROBLEM may be left out",
+    )
+    parser.add_argument(
         "--least-torque",
         action="store_true",
         help="minimise torque instead of acceleration (so3; the problem gives an inertia)",
@@ -115,7 +123,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _check_options(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    if options.problem is None and options.certificate_only is None:
+    if options.problem is None and options.certificate_only is None and not options.warm_up:
         parser.error("a PROBLEM is required")
     if options.samples < 2:
         parser.error(f"--samples: expected at least 2, got {options.samples}")
@@ -138,6 +146,10 @@ def _is_batch(path: Path | None) -> bool:
 
 
 def _run(options: argparse.Namespace) -> int:
+    if options.warm_up:
+        warm_up(notify=_say)
+        if options.problem is None and options.certificate_only is None:
+            return SOLVED
     if options.certificate_only is not None:
         lines, certified = check_files(options.certificate_only, options.problem)
         print("\n".join(lines))

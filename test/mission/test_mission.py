@@ -246,7 +246,7 @@ def test_the_clock_jumps_over_the_beginning_of_a_later_segment():
     after = simulation.setpoints[-1]
     assert after.stamp_ns == simulation.now_ns
     assert so3.quaternion_distance(before.quaternion, after.quaternion) < 0.01
-    simulation.run(15.0)
+    simulation.run(30.0)
     assert "CLOCK_JUMP" in simulation.codes()
     assert simulation.doing() == "holding"
 
@@ -374,6 +374,24 @@ def test_a_zone_that_comes_over_the_held_attitude_is_left_the_shortest_way():
     leaving = [m for m in margins if m <= 0.0]
     assert np.all(np.diff(leaving) > -1e-6)
     assert margins[-1] > 0.0
+    assert not discontinuities(simulation.setpoints)
+
+
+@pytest.mark.parametrize("when", [12.0, 3.0])
+def test_the_way_out_keeps_the_limits_and_says_which_one_binds(when):
+    limits = {"limits_DOT_rate": 0.105, "limits_DOT_acceleration": 0.05}
+    simulation = _simulation(duration=30.0, **limits)
+    simulation.goal(Z_TURN)
+    simulation.run(when)
+    begin = len(simulation.setpoints)
+    simulation.zone("sun", _attitude(simulation) @ np.array([1.0, 0.05, 0.02]))
+    simulation.run(12.0)
+    event = next(event for event in simulation.events if event.code is Code.WAY_OUT)
+    assert "bound by limits." in event.message
+    assert "deg/s" in event.message
+    for setpoint in simulation.setpoints[begin:]:
+        assert np.linalg.norm(setpoint.rate) <= 0.105 + 1e-9
+        assert np.linalg.norm(setpoint.acceleration) <= 0.05 + 1e-6
     assert not discontinuities(simulation.setpoints)
 
 

@@ -1,5 +1,6 @@
 """The node as a process of its own, and a client in this one that talks to it."""
 
+import gc
 import os
 import subprocess
 import sys
@@ -27,16 +28,21 @@ CONFIG = Path(__file__).resolve().parents[2] / "config"
 Z_TURN = so3.quaternion_exp(np.array([0.0, 0.0, 1.2]))
 
 
+STARTED = []
+
+
 def start(*arguments, command=("-m", "riem_planner.node.main"), **variables):
     path = os.pathsep.join([os.getcwd(), *sys.path[1:]])
     environment = {**os.environ, "PYTHONPATH": path, **variables}
-    return subprocess.Popen(
+    process = subprocess.Popen(
         [sys.executable, *command, "--ros-args", *arguments],
         env=environment,
         stderr=subprocess.PIPE,
         stdout=subprocess.DEVNULL,
         text=True,
     )
+    STARTED.append(process)
+    return process
 
 
 class Client:
@@ -131,6 +137,16 @@ class Client:
         return (turning.x, turning.y, turning.z) == (0.0, 0.0, 0.0)
 
     def close(self):
+        """End everything, and what a test that failed has left running."""
+        for process in STARTED:
+            if process.poll() is None:
+                process.kill()
+                process.communicate()
+        STARTED.clear()
         self.executor.shutdown()
         self.node.destroy_node()
         self.context.try_shutdown()
+        # A context that is left keeps a number in the domain, and of these there are few.
+        self.context.destroy()
+        self.node = self.executor = self.parameters = None
+        gc.collect()
