@@ -76,6 +76,8 @@ setup(
             "spacecraft_sim = riem_planner.spacecraft_sim.main:main",
             "riem_plan = riem_planner.riem_plan.command:main",
             "riem_timeline = riem_planner.riem_timeline.command:main",
+            "riem_campaign = riem_planner.riem_campaign.command:main",
+            "riem_export = riem_planner.riem_export.command:main",
             "riem_figures = riem_planner.paper.figures:main",
             "riem_check = riem_planner.proof.check:main",
             "riem_monitor = riem_planner.monitor_node.main:main",

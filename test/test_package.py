@@ -164,8 +164,8 @@ def test_commands_lead_to_functions_and_ros2_run_finds_each():
     text = (ROOT / "setup.py").read_text(encoding="utf-8")
     commands = dict(re.findall(r'"(\w+) = ([\w.]+):main"', text))
     assert commands.keys() == {
-        "planner_node", "spacecraft_sim", "riem_plan", "riem_timeline", "riem_figures",
-        "riem_check", "riem_monitor",
+        "planner_node", "spacecraft_sim", "riem_plan", "riem_timeline", "riem_campaign",
+        "riem_export", "riem_figures", "riem_check", "riem_monitor",
     }  # fmt: skip
     for name, module in commands.items():
         path = ROOT / (module.replace(".", "/") + ".py")

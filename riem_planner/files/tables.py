@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -116,15 +117,25 @@ def read_table(path: Path) -> Table:
 def _without_header(text: str) -> tuple[bytes, str]:
     """The rows of an ECSV text, and what parts their columns."""
     lines = text.splitlines()
-    header = [line[1:].removeprefix(" ") for line in lines if line.startswith("#")]
-    stated: Any = None
-    if header and header[0].startswith("%ECSV"):
-        stated = parse_yaml("\n".join(line for line in header[1:] if line.strip() != "---"))
-    if not isinstance(stated, dict):
-        raise InvalidProblemError("document", "expected the header of ECSV, '# %ECSV 1.0'")
-    delimiter = str(stated.get("delimiter", " "))
+    delimiter = _delimiter([line for line in lines if line.startswith("#")])
     rows = [line for line in lines if line.strip() and not line.startswith("#")]
     return "\n".join([*rows, ""]).encode(), delimiter
+
+
+def ecsv_delimiter(path: Path) -> str:
+    """What parts the columns of an ECSV file; raises as `read_table`."""
+    with path.open(encoding="utf-8-sig") as stream:
+        return _delimiter(list(takewhile(lambda line: line.startswith("#"), stream)))
+
+
+def _delimiter(header: list[str]) -> str:
+    plain = [line[1:].removeprefix(" ").rstrip() for line in header]
+    stated: Any = None
+    if plain and plain[0].startswith("%ECSV"):
+        stated = parse_yaml("\n".join(line for line in plain[1:] if line != "---"))
+    if not isinstance(stated, dict):
+        raise InvalidProblemError("document", "expected the header of ECSV, '# %ECSV 1.0'")
+    return str(stated.get("delimiter", " "))
 
 
 def write_table(columns: dict[str, Any], path: Path) -> None:

@@ -12,16 +12,17 @@ import os
 import signal
 import threading
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from itertools import islice
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from riem_planner.errors import InvalidProblemError
 from riem_planner.files.documents import decoded, parse_json
 from riem_planner.files.end_states import StateInZoneError
 from riem_planner.files.plan_files import encoded, plan_document, refused_document
+from riem_planner.files.plans import Plan
 from riem_planner.files.problem_files import parse_problem
 from riem_planner.riem_plan.planning import plan_problem
 from riem_planner.solution import Status
@@ -29,6 +30,8 @@ from riem_planner.solve import warm_up
 
 INVALID = "INVALID_PROBLEM"
 """Status of a plan whose problem could not be read."""
+FAULT = "INTERNAL_ERROR"
+"""Status of a plan that a fault of the planner took away."""
 
 _CHUNK = 8  # lines a worker is handed at once
 _AHEAD = 3  # chunks per worker that are under way or wait to be written
@@ -53,26 +56,41 @@ def problem_lines(path: Path) -> Iterator[Line]:
                 yield number, line.strip()
 
 
-def plan_line(number: int, line: bytes, samples: int) -> PlannedLine:
-    """Plan of one line; it never raises, whatever the line holds."""
+class Attempt(NamedTuple):
+    """What became of one document: a plan, or a status and a message that say why not."""
+
+    name: str | None
+    plan: Plan | None
+    status: str
+    message: str
+
+
+def attempt(read: Callable[[], Any], samples: int) -> Attempt:
+    """Plan of the document that `read` returns; it never raises, whatever that holds."""
     name = None
     try:
-        document = parse_json(decoded(line))
+        document = read()
         found = document.get("name") if isinstance(document, dict) else None
         name = found if isinstance(found, str) else None
         plan = plan_problem(parse_problem(document), samples)
-        return PlannedLine(encoded(plan_document(plan)), plan.solution.status.name)
+        return Attempt(name, plan, plan.solution.status.name, plan.solution.message)
     except StateInZoneError as error:
         start = error.key.startswith("start")
         status = (Status.START_IN_ZONE if start else Status.GOAL_IN_ZONE).name
-        message = str(error)
+        return Attempt(name, None, status, str(error))
     except InvalidProblemError as error:
-        status, message = INVALID, str(error)
+        return Attempt(name, None, INVALID, str(error))
     except Exception as error:
-        # A fault of the planner costs this line alone; the others are still wanted.
-        status, message = "INTERNAL_ERROR", f"{type(error).__name__}: {error}"
-    message = f"line {number}: {message}"
-    return PlannedLine(encoded(refused_document(name, status, message)), status)
+        # A fault of the planner costs this document alone; the others are still wanted.
+        return Attempt(name, None, FAULT, f"{type(error).__name__}: {error}")
+
+
+def plan_line(number: int, line: bytes, samples: int) -> PlannedLine:
+    """Plan of one line; it never raises, whatever the line holds."""
+    name, plan, status, message = attempt(lambda: parse_json(decoded(line)), samples)
+    if plan is not None:
+        return PlannedLine(encoded(plan_document(plan)), status)
+    return PlannedLine(encoded(refused_document(name, status, f"line {number}: {message}")), status)
 
 
 def plan_lines(lines: Iterable[Line], *, samples: int, jobs: int) -> Iterator[PlannedLine]:

@@ -1,0 +1,1 @@
+"""The `riem_campaign` command: up to a hundred million problems, on this machine or a cluster."""

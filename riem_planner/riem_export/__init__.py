@@ -1,0 +1,1 @@
+"""The `riem_export` command: plans and timelines as flight dynamics reads them."""
