@@ -196,11 +196,14 @@ def corrected(example: Example, strength: float, obstacle: Array | None = None) 
     return Curve(times, R @ BORESIGHT, R, ends)
 
 
-def boundary_value_problem(example: Example, strength: float | None = None) -> Problem:
+def boundary_value_problem(
+    example: Example, strength: float | None = None, obstacle_time: float | None = None
+) -> Problem:
     """The example with the end states of its curve without the obstacle, which is on that curve.
 
-    Without a strength, the problem without the obstacle.
+    Without a strength, the problem without the obstacle; without an obstacle time, the example's.
     """
+    t_q = example.obstacle_time if obstacle_time is None else obstacle_time
     free = extremal(
         S2,
         State(np.eye(3), example.v),
@@ -209,7 +212,7 @@ def boundary_value_problem(example: Example, strength: float | None = None) -> P
         tension=example.tension,
         duration=example.duration,
     )
-    R, v, _, _ = free.evaluate(np.array([example.obstacle_time, example.duration]))
+    R, v, _, _ = free.evaluate(np.array([t_q, example.duration]))
     obstacles = () if strength is None else (Zone(R[0, :, 0], 0.0, strength=strength, name="q"),)
     return Problem(
         start=State(np.eye(3), example.v),

@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 from variation import first_variation, pointing_jet, quaternion_jet
 
-from riem_planner import S2, SO3, OrientationObstacle, State, Zone
+from riem_planner import (
+    S2,
+    SO3,
+    InvalidProblemError,
+    OrientationObstacle,
+    Problem,
+    State,
+    Zone,
+)
 from riem_planner.extremals import extremal, hamiltonian, integrate, orientation_momentum, snap
 from riem_planner.geometry import so3, sphere
 from riem_planner.paper import paper
@@ -242,6 +250,20 @@ def test_paper_literal_reproduces_to_three_digits(obstacle_time, tau, expected):
     assert found == pytest.approx(expected, rel=5e-4)
 
 
+@pytest.mark.parametrize(
+    ("obstacle_time", "expected"),
+    [(0.10, 7.9e-7), (0.12, 1.18e-6), (0.14, 1.66e-6), (0.30, 8.6e-6)],
+)
+def test_initial_values_come_closer_still_with_the_potential_of_the_sphere(obstacle_time, expected):
+    """The lift is not what makes the published distance small: nothing is solved for the end."""
+    place = paper.boundary_value_problem(paper.CUBIC, 1.0, obstacle_time).obstacles[0].direction
+    corrected = paper.corrected(paper.CUBIC, 1.0, place).chord_distance(place)
+    assert corrected == pytest.approx(expected, rel=6e-3)
+    printed_place, lift = paper.paper_obstacle(paper.CUBIC, obstacle_time)
+    printed = paper.paper_literal(paper.CUBIC, 1.0, lift).chord_distance(printed_place)
+    assert corrected < printed
+
+
 def test_published_distance_lies_between_those_of_two_obstacle_times():
     distances = [
         paper.paper_literal(paper.CUBIC, 1.0, lift).chord_distance(place)
@@ -255,8 +277,77 @@ def test_paper_literal_stays_on_the_group_and_the_additive_update_does_not():
     assert np.abs(R @ R.T - np.eye(3)).max() < 1e-12
     example, additive = paper.CUBIC, np.eye(3)
     v, a, j = example.v, example.a, example.j
-    for _ in range(300):
+    drifts = []
+    for _ in range(600):
         h, change = paper.EULER_STEP, np.cross(np.cross(a, v), v) + example.tension * a
         additive = additive + h * additive @ so3.hat(v)
         v, a, j = v + h * a, a + h * j, j + h * change
-    assert np.abs(additive @ additive.T - np.eye(3)).max() > 1e-3
+        drifts.append(np.abs(additive @ additive.T - np.eye(3)).max())
+    assert drifts[299] == pytest.approx(4.9e-3, rel=5e-3)
+    assert drifts[599] == pytest.approx(9.2e-3, rel=5e-3)
+
+
+# 6. The sign of the connection.
+
+
+def test_connection_is_half_the_bracket_and_not_minus_it():
+    X, Y = so3.hat([0.3, -0.8, 0.5]), so3.hat([0.6, 0.1, -0.4])
+    R, h = so3.exp([0.4, 0.9, -0.2]), 1e-5
+    # The field R Y along R' = R X, in the space of all matrices, and its part along SO(3).
+    ahead, behind = (R @ so3.exp(s * h * so3.vee(X)) @ Y for s in (1.0, -1.0))
+    rate = R.T @ (ahead - behind) / (2.0 * h)
+    covariant = 0.5 * (rate - rate.T)
+    right, printed = 0.5 * (X @ Y - Y @ X), 0.5 * (Y @ X - X @ Y)
+    np.testing.assert_allclose(covariant, right, atol=1e-9)
+    assert np.abs(covariant - printed).max() > 0.1
+
+
+# 7. A matrix that is not skew.
+
+
+def test_printed_matrix_is_not_skew():
+    R = so3.exp([-0.2, 0.4, 0.1])
+    right, printed = R.T @ Q - Q.T @ R, R.T @ Q - R @ Q.T
+    assert np.abs(right + right.T).max() < 1e-15
+    assert np.abs(printed + printed.T).max() > 0.1
+
+
+# 8. The potential is neither C^2 nor decaying.
+
+
+@pytest.mark.parametrize("tapered", [False, True])
+def test_potential_has_a_kink_at_the_cut_locus_and_does_not_decay_unless_tapered(tapered):
+    zone = Zone([0.0, 0.0, 1.0], 0.0, strength=TAU, range=(1.0, 2.5) if tapered else None)
+    state = State(np.eye(3))
+    problem = Problem(state, state, 1.0, boresight=np.array([0.0, 0.0, 1.0]), obstacles=(zone,))
+    h = 1e-4
+    values = [
+        problem.forbidden.repulsion(so3.exp([[angle, 0.0, 0.0]]), np.zeros(1), 1.0)[0][0]
+        for angle in (np.pi - h, np.pi - 1e-9, np.pi + h)
+    ]
+    slopes = (values[1] - values[0]) / h, (values[2] - values[1]) / h
+    expected = 0.0 if tapered else 2.0 * TAU / np.pi**3
+    assert slopes[0] == pytest.approx(-expected, rel=1e-3, abs=1e-12)
+    assert slopes[1] == pytest.approx(expected, rel=1e-3, abs=1e-12)
+    assert values[1] == pytest.approx(0.0 if tapered else TAU / np.pi**2, abs=1e-8)
+
+
+# 9. The tension is not any real number.
+
+
+def test_a_tension_too_negative_has_no_least_cost():
+    T = 2.0
+    t = np.linspace(0.0, T, 4001)
+    w = 2.0 * np.pi / T
+    rate, acceleration = w * np.sin(w * t), w**2 * np.cos(w * t)
+
+    def cost(sigma, size):
+        density = acceleration**2 + sigma * rate**2
+        return 0.5 * size**2 * np.sum(density[1:] + density[:-1]) * (t[1] - t[0]) / 2.0
+
+    for sigma, sign in ((-0.9 * w**2, 1.0), (-1.1 * w**2, -1.0)):
+        assert np.sign(cost(sigma, 1.0)) == sign
+        assert cost(sigma, 10.0) == pytest.approx(100.0 * cost(sigma, 1.0))
+    state = State(np.eye(3))
+    with pytest.raises(InvalidProblemError, match="tension"):
+        Problem(state, state, T, tension=-1.1 * w**2)
