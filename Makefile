@@ -6,6 +6,7 @@
 #   make docs     the documentation's site, offline             make picture the README's moving picture
 #   make clean    remove what the build and the tests left      make setup   only the set-up
 #   make surveys  the tests of the extras for surveys           (an environment of its own)
+#   make sky      the tests of the sky, beside a second library (an environment of its own)
 #   make basilisk published manoeuvres flown by Basilisk, and beside its own planner
 #
 # ARGS="..." is passed on: make test ARGS="-k certificate", make run ARGS="--help".
@@ -33,6 +34,10 @@ BASILISK_READY := $(BASILISK)/.ready-$(shell cksum < requirements-basilisk.txt |
 SURVEYS := .venv-surveys
 SURVEYS_READY := $(SURVEYS)/.ready-$(shell cksum < requirements-surveys.txt | cut -d' ' -f1)
 
+# The ephemeris of the sky, and the library that it is compared with; it needs no ROS.
+SKY := .venv-sky
+SKY_READY := $(SKY)/.ready-$(shell cksum < requirements-sky.txt | cut -d' ' -f1)
+
 # Nothing leaves this machine. The wheels of PyPI don't announce where they are installed.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 export ROS_DOMAIN_ID ?= $(shell echo $$(($$PPID % 101 + 1)))
@@ -40,7 +45,7 @@ export ROS_PYTHON_CHECK_FIELDS ?= 1
 export ROS_LOG_DIR ?= $(CURDIR)/log/ros
 export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_PREFIX_PATH))
 
-.PHONY: run test bench surveys basilisk lint figures soak clean setup docs picture
+.PHONY: run test bench surveys sky basilisk lint figures soak clean setup docs picture
 .DEFAULT_GOAL := run
 
 # In a terminal the demonstration gets Ctrl-C for itself, so that its exit code is make's.
@@ -61,6 +66,9 @@ basilisk: $(BASILISK_READY)
 
 surveys: $(SURVEYS_READY)
 	@PYTHONPATH=$(CURDIR) $(SURVEYS)/bin/python -m pytest -q -m extras test/surveys $(ARGS)
+
+sky: $(SKY_READY)
+	@PYTHONPATH=$(CURDIR) $(SKY)/bin/python -m pytest -q -m sky test/sky $(ARGS)
 
 figures: $(READY)
 	@$(PY) -m riem_planner.paper.figures $(ARGS)
@@ -137,8 +145,16 @@ $(SURVEYS_READY):
 	@rm -f $(SURVEYS)/.ready-*
 	@touch $@
 
+$(SKY_READY):
+	@echo "setting up $(SKY), once; this takes about a minute"
+	@[ -x $(SKY)/bin/python ] || $(PYTHON) -m venv $(SKY)
+	@$(SKY)/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-sky.txt
+	@rm -f $(SKY)/.ready-*
+	@touch $@
+
 clean:
 	rm -rf build install log figures .pytest_cache .hypothesis .mypy_cache .ruff_cache .benchmarks
 	rm -rf *.egg-info plan.json plan.png page.html demo.png docs/_build
-	find . \( -path ./$(VENV) -o -path ./$(BASILISK) -o -path ./$(SURVEYS) \) -prune \
+	find . \( -path ./$(VENV) -o -path ./$(BASILISK) -o -path ./$(SURVEYS) \
+		-o -path ./$(SKY) \) -prune \
 		-o -name __pycache__ -type d -print0 | xargs -0 rm -rf

@@ -64,6 +64,8 @@ setup(
         ],
         # Balls of numbers, for riem_check.
         "proof": ["python-flint>=0.7"],
+        # Directions of the Sun, the Moon, planets, sites and satellites. See docs/sky.md.
+        "sky": ["skyfield>=1.49", "skyfield-data>=7.0"],
         # Tables and campaigns; and kernels for SPICE. See docs/surveys.md.
         "surveys": ["dask[distributed]>=2026.1", "pyarrow>=18"],
         "ck": ["spiceypy>=6.0"],

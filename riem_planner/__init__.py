@@ -6,6 +6,7 @@ from riem_planner.certificate import Certificate, certify
 from riem_planner.cost import trajectory_cost
 from riem_planner.errors import InvalidProblemError, RiemPlannerError
 from riem_planner.extremals import extremal
+from riem_planner.goals import AttitudeGoal, PointingGoal
 from riem_planner.limits import Limits, Wheel
 from riem_planner.obstacles import OrientationObstacle, Zone
 from riem_planner.problem import S2, SO3, Problem, Space, State
@@ -23,11 +24,13 @@ __all__ = [
     "S2",
     "SO3",
     "Alternative",
+    "AttitudeGoal",
     "Certificate",
     "InvalidProblemError",
     "Limits",
     "OrientationObstacle",
     "PlanningError",
+    "PointingGoal",
     "Problem",
     "RiemPlannerError",
     "Solution",

@@ -90,6 +90,8 @@ class Problem:
         `"least_acceleration"`, the cost above; or `"least_time"`, the least duration that any
         curve clear of the obstacles' radii needs within the limits. The duration is then
         automatic; strengths, ranges and tension play no part.
+    notes
+        Remarks on how the problem was stated, which its solution carries on.
 
     Attributes
     ----------
@@ -115,6 +117,7 @@ class Problem:
     total_momentum: Array = field(default_factory=lambda: np.zeros(3))
     hold: float = 0.0
     objective: str = LEAST_ACCELERATION
+    notes: tuple[str, ...] = ()
     forbidden: Forbidden = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -283,6 +286,16 @@ class Problem:
     def arrival_near(self, attitude: Array) -> State:
         """Of the states in which a slew may arrive the one nearest to an attitude (3, 3)."""
         return _nearest(self.goals[self.goal_near(attitude)], self.duration, attitude)
+
+    def shown_arrival(self, end: Array | None = None) -> State:
+        """A state at the arrival, for displays of a trajectory that ends in an attitude (3, 3).
+
+        Without one, of the first goal; where the duration is yet to be found, at 1 s.
+        """
+        timed = replace(self, duration=1.0) if self.has_auto_duration else self
+        if end is not None:
+            return timed.arrival_near(end)
+        return timed.goals[0].arrival(timed.duration)
 
     @property
     def has_auto_duration(self) -> bool:

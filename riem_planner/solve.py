@@ -496,12 +496,13 @@ def _solution(
 
 
 def _goal_notes(problem: Problem) -> list[str]:
-    """What a user should know of a goal that can't be met as it is stated."""
+    """What a user should know of the problem's statement, and of a goal that can't be met."""
     goal = problem.goals[0]
     left = goal.remaining_angle(problem.duration) if isinstance(goal, PointingGoal) else 0.0
-    if left <= _TOLD_ANGLE:
-        return []
-    return [f"goal.second: {np.degrees(left):.4g} degrees are left to its direction"]
+    notes = [*problem.notes]
+    if left > _TOLD_ANGLE:
+        notes.append(f"goal.second: {np.degrees(left):.4g} degrees are left to its direction")
+    return notes
 
 
 def _extremal(

@@ -21,7 +21,7 @@ def headline(problem: Problem, trajectory: Trajectory, values: Mapping[str, str]
     """What was planned, from the values of its status, and whether it is certified here."""
     certificate = certify(trajectory, problem)
     angle = math.degrees(
-        float(so3.distance(problem.start.orientation, problem.arrival.orientation))
+        float(so3.distance(problem.start.orientation, problem.shown_arrival().orientation))
     )
     verdict = "certified" if certificate.certified else "; ".join(certificate.reasons)
     return (

@@ -18,6 +18,7 @@ from riem_planner.files.attitudes import ATTITUDE_KEYS, read_attitude
 from riem_planner.files.documents import decoded, parse_json, parse_yaml
 from riem_planner.files.end_states import check_end_states, read_goal, read_state
 from riem_planner.files.places import read_direction
+from riem_planner.files.resolving import resolved
 from riem_planner.files.section import Section, number_at, shown
 from riem_planner.geometry import so3
 from riem_planner.limit_rows import QUANTITIES, UNITS, WHEELS
@@ -28,7 +29,7 @@ from riem_planner.problem import AUTO, LEAST_ACCELERATION, OBJECTIVES, S2, SO3, 
 _SPACES = {space.name: space for space in (SO3, S2)}
 _TOP = (
     "name", "space", "boresight", "duration", "tension", "normalized_tension", "start", "goal",
-    "hold", "obstacles", "limits", "inertia", "total_momentum", "objective",
+    "hold", "notes", "obstacles", "limits", "inertia", "total_momentum", "objective",
 )  # fmt: skip
 _COMMON = ("name", "kind", "strength", "normalized_strength", "rate")
 _OBSTACLE_KEYS = {
@@ -49,17 +50,31 @@ def read_problem(path: Path) -> Problem:
     OSError
         The file can't be read.
     """
+    return parse_problem(read_document(path), path.parent)
+
+
+def read_document(path: Path) -> Any:
+    """Values of a `.yaml`, `.yml` or `.json` file; raises as `read_problem`."""
     parse = {".yaml": parse_yaml, ".yml": parse_yaml, ".json": parse_json}.get(path.suffix.lower())
     if parse is None:
         raise InvalidProblemError(
             "file name",
             f"expected one ending in .yaml, .json or .jsonl, got {path.name}; rename it",
         )
-    return parse_problem(parse(decoded(path.read_bytes())))
+    return parse(decoded(path.read_bytes()))
 
 
-def parse_problem(document: Any) -> Problem:
-    """Problem that a parsed document states; raises as `read_problem`."""
+def parse_problem(document: Any, folder: Path | None = None) -> Problem:
+    """Problem that a parsed document states; raises as `read_problem`.
+
+    Parameters
+    ----------
+    document
+        Values of a file.
+    folder
+        Where the file is, which a spacecraft's file is beside; by default where we are.
+    """
+    document = resolved(document, folder)
     top = Section("", document, _TOP)
     space = _SPACES[top.choice("space", tuple(_SPACES))]
     name = top.text("name", "")
@@ -80,9 +95,17 @@ def parse_problem(document: Any) -> Problem:
         total_momentum=top.numbers("total_momentum", 3, [0.0, 0.0, 0.0]),
         hold=top.number("hold", 0.0),
         objective=objective,
+        notes=_notes(top),
     )
     check_end_states(problem, top)
     return problem
+
+
+def _notes(top: Section) -> tuple[str, ...]:
+    notes = top.value("notes", [])
+    if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
+        raise InvalidProblemError("notes", f"expected a list of sentences, got {shown(notes)}")
+    return tuple(notes)
 
 
 def _duration(top: Section, limits: Limits | None) -> float:

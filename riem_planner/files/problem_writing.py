@@ -33,6 +33,8 @@ def problem_document(problem: Problem) -> dict[str, Any]:
     document["goal"] = {"any_of": goals} if isinstance(problem.goal, tuple) else goals[0]
     if problem.hold > 0.0:
         document["hold"] = problem.hold
+    if problem.notes:
+        document["notes"] = list(problem.notes)
     document["obstacles"] = [_obstacle_document(obstacle) for obstacle in problem.obstacles]
     if problem.limits is not None:
         document.update(_limits_document(problem.limits))

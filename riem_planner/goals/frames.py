@@ -23,7 +23,7 @@ Motion = tuple[Array, Array, Array]
 """Unit vectors (..., 3) with their first and second time derivatives."""
 
 _STEP = 0.01  # rad that a direction moves in a step of the transport: its error is of fifth order
-_LEAST_STEPS = 8  # between two times
+_LOOKS = 201  # at how far it moves
 _GAUSS = 0.5 / np.sqrt(3.0)  # of a step, either side of its middle
 
 
@@ -73,33 +73,39 @@ def transported(direction: Turning | Path, begin: float, times: Array) -> Array:
     times : (...)
         From `begin` on [s].
     """
-    order = np.argsort(times, axis=None)
-    result = np.empty((order.size, 3, 3))
-    L, t = np.eye(3), begin
-    for index in order:
-        end = float(times.ravel()[index])
-        if end > t:
-            L, t = _transport(direction, t, end) @ L, end
-        result[index] = L
-    return result.reshape(*times.shape, 3, 3)
-
-
-def _transport(direction: Turning | Path, begin: float, end: float) -> Array:
-    marks = np.linspace(begin, end, _LEAST_STEPS + 1)
-    d = direction.direction_at(marks)
-    moved = float(np.linalg.norm(np.diff(d, axis=0), axis=1).sum())
-    steps = max(_LEAST_STEPS, int(moved / _STEP) + 1)
-    edges = np.linspace(begin, end, steps + 1)
-    h = (end - begin) / steps
+    marks, place = np.unique(times, return_inverse=True)
+    marks = np.insert(marks, 0, begin)
+    edges = _edges(direction, marks)
+    # Turns of all steps at once; what is left to do one by one is their product.
+    h = np.diff(edges)[:, None]
     middles = 0.5 * (edges[1:] + edges[:-1])
-    early, late = (_carrying_rate(direction, middles + side * _GAUSS * h) for side in (-1, 1))
-    turns = 0.5 * h * (early + late) + np.sqrt(3.0) / 12.0 * h * h * np.cross(late, early)
-    L = np.eye(3)
-    for turn in so3.exp(turns):
-        L = turn @ L
+    early, late = (
+        _carrying_rate(direction, middles + side * _GAUSS * h[:, 0]) for side in (-1.0, 1.0)
+    )
+    turns = so3.exp(0.5 * h * (early + late) + np.sqrt(3.0) / 12.0 * h * h * np.cross(late, early))
+    products = np.empty((edges.size, 3, 3))
+    products[0] = np.eye(3)
+    for k, turn in enumerate(turns):
+        products[k + 1] = turn @ products[k]
+    L = products[np.searchsorted(edges, marks[1:])]
     # What the expansion leaves of the direction itself is taken away.
-    left = so3.minimal_rotation(L @ d[0], d[-1])
-    return np.asarray(so3.quaternion_to_matrix(left) @ L)
+    d = direction.direction_at(marks)
+    left = so3.quaternion_to_matrix(so3.minimal_rotation(L @ d[0], d[1:]))
+    return np.asarray((left @ L)[place.ravel()].reshape(*times.shape, 3, 3))
+
+
+def _edges(direction: Turning | Path, marks: Array) -> Array:
+    """Times of steps, the marks (n,) among them, between which the direction moves little."""
+    looks = np.linspace(marks[0], marks[-1], _LOOKS)
+    moved = np.linalg.norm(np.diff(direction.direction_at(looks), axis=0), axis=1)
+    between = np.searchsorted(looks, marks)
+    angle = np.concatenate([[0.0], np.cumsum(moved)])[between]
+    counts = 1 + (np.diff(angle) / _STEP).astype(int)
+    parts = [
+        np.linspace(begin, end, count, endpoint=False)
+        for begin, end, count in zip(marks[:-1], marks[1:], counts, strict=True)
+    ]
+    return np.concatenate([*parts, marks[-1:]])
 
 
 def _carrying_rate(direction: Turning | Path, times: Array) -> Array:

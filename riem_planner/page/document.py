@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riem_planner.certificate import Certificate, clearance_along
+from riem_planner.geometry import so3
 from riem_planner.obstacles import OrientationObstacle, Zone
 from riem_planner.problem import Problem
 from riem_planner.solution import Solution
@@ -117,13 +118,19 @@ def _data(
         "notes": list(solution.notes),
         "duration": duration if math.isfinite(duration) else 0.0,
         "start": problem.start.quaternion_xyzw.tolist(),
-        "goal": problem.arrival.quaternion_xyzw.tolist(),
+        "goal": problem.shown_arrival(_end(trajectory)).quaternion_xyzw.tolist(),
         "sets": [_forbidden(obstacle, duration) for obstacle in problem.obstacles],
         "wall": list(getattr(solution, "wall", ())),
         "limits": _limits(problem),
         "certificate": None if certificate is None else _verdict(certificate),
         "plans": plans,
     }
+
+
+def _end(trajectory: Trajectory | None) -> NDArray[np.float64] | None:
+    if trajectory is None:
+        return None
+    return so3.quaternion_to_matrix(trajectory.quaternions_xyzw[-1])
 
 
 def _figures(cost: float, clearance: dict[str, float]) -> dict[str, Any]:

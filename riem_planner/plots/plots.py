@@ -78,19 +78,20 @@ def plan_figure(
     figure = Figure(figsize=(10.0, 7.6), layout="constrained")
     parts: Any = figure.subfigures(1, 2, width_ratios=(1.0, 1.25))
     left, right = parts
-    straight = straight_slew(problem)
+    end = trajectory.evaluate(trajectory.duration)[0]
+    straight = straight_slew(problem, end=end)
     _draw_sphere(left, problem, trajectory, straight)
     panels = right.subplots(3, 1, sharex=True)
     _draw_motion(panels[0], panels[1], trajectory)
     _draw_clearance(panels[2], problem, trajectory, straight, certificate)
     panels[2].set_xlabel("time [s]", **_LABEL)
     panels[2].set_xlim(0.0, trajectory.duration)
-    figure.suptitle(_title(problem, certificate), fontsize=11)
+    figure.suptitle(_title(problem, certificate, end), fontsize=11)
     return figure
 
 
-def _title(problem: Problem, certificate: Certificate) -> str:
-    start, goal = problem.start.orientation, problem.arrival.orientation
+def _title(problem: Problem, certificate: Certificate, end: Array) -> str:
+    start, goal = problem.start.orientation, problem.shown_arrival(end).orientation
     what = "attitude" if problem.space.name == "so3" else "pointing"
     if what == "attitude":
         angle = float(so3.distance(start, goal))

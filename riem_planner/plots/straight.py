@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from riem_planner.geometry import so3
 from riem_planner.problem import S2, Problem
 from riem_planner.trajectory import Trajectory
 
+Array = NDArray[np.float64]
 
-def straight_slew(problem: Problem, samples: int = 201) -> Trajectory:
+
+def straight_slew(problem: Problem, samples: int = 201, end: Array | None = None) -> Trajectory:
     """Shortest rotation from start to goal, from rest to rest.
 
     About one axis, by the angle `theta (3 s^2 - 2 s^3)` with `s = t / T`: the extremal of the
@@ -22,16 +25,19 @@ def straight_slew(problem: Problem, samples: int = 201) -> Trajectory:
         Its end attitudes and its duration count; rates and obstacles do not.
     samples
         Number of evenly spaced samples.
+    end : (3, 3)
+        Attitude that the planned slew ends in: of several goals the nearest is taken.
     """
     q = problem.start.quaternion_xyzw
     axis = problem.boresight if problem.space == S2 else problem.roll_axis
+    arrival = problem.shown_arrival(end)
     if axis is not None:
-        ends = (state.orientation @ axis for state in (problem.start, problem.arrival))
+        ends = (state.orientation @ axis for state in (problem.start, arrival))
         turn_reference = so3.quaternion_log(so3.minimal_rotation(*ends))
         turn = problem.start.orientation.T @ turn_reference
     else:
         turn = so3.quaternion_log(
-            so3.quaternion_multiply(so3.quaternion_conjugate(q), problem.arrival.quaternion_xyzw)
+            so3.quaternion_multiply(so3.quaternion_conjugate(q), arrival.quaternion_xyzw)
         )
     T = problem.duration
     s = np.linspace(0.0, 1.0, samples)[:, None]

@@ -65,14 +65,14 @@ class Attempt(NamedTuple):
     message: str
 
 
-def attempt(read: Callable[[], Any], samples: int) -> Attempt:
-    """Plan of the document that `read` returns; it never raises, whatever that holds."""
+def attempt(read: Callable[[], Any], samples: int, folder: Path | None = None) -> Attempt:
+    """Plan of the document that `read` returns, of a file in a folder; it never raises."""
     name = None
     try:
         document = read()
         found = document.get("name") if isinstance(document, dict) else None
         name = found if isinstance(found, str) else None
-        plan = plan_problem(parse_problem(document), samples)
+        plan = plan_problem(parse_problem(document, folder), samples)
         return Attempt(name, plan, plan.solution.status.name, plan.solution.message)
     except StateInZoneError as error:
         start = error.key.startswith("start")
@@ -85,15 +85,17 @@ def attempt(read: Callable[[], Any], samples: int) -> Attempt:
         return Attempt(name, None, FAULT, f"{type(error).__name__}: {error}")
 
 
-def plan_line(number: int, line: bytes, samples: int) -> PlannedLine:
-    """Plan of one line; it never raises, whatever the line holds."""
-    name, plan, status, message = attempt(lambda: parse_json(decoded(line)), samples)
+def plan_line(number: int, line: bytes, samples: int, folder: Path | None = None) -> PlannedLine:
+    """Plan of one line of a file in a folder; it never raises, whatever the line holds."""
+    name, plan, status, message = attempt(lambda: parse_json(decoded(line)), samples, folder)
     if plan is not None:
         return PlannedLine(encoded(plan_document(plan)), status)
     return PlannedLine(encoded(refused_document(name, status, f"line {number}: {message}")), status)
 
 
-def plan_lines(lines: Iterable[Line], *, samples: int, jobs: int) -> Iterator[PlannedLine]:
+def plan_lines(
+    lines: Iterable[Line], *, samples: int, jobs: int, folder: Path | None = None
+) -> Iterator[PlannedLine]:
     """Plans of the lines, in their order.
 
     Parameters
@@ -104,15 +106,19 @@ def plan_lines(lines: Iterable[Line], *, samples: int, jobs: int) -> Iterator[Pl
         Of each plan.
     jobs
         Number of worker processes; with 1 the lines are planned in this one.
+    folder
+        Where the file of the lines is.
     """
     if jobs == 1:
         for number, line in lines:
-            yield plan_line(number, line, samples)
+            yield plan_line(number, line, samples, folder)
         return
-    yield from _plan_in_processes(iter(lines), samples, jobs)
+    yield from _plan_in_processes(iter(lines), samples, jobs, folder)
 
 
-def _plan_in_processes(lines: Iterator[Line], samples: int, jobs: int) -> Iterator[PlannedLine]:
+def _plan_in_processes(
+    lines: Iterator[Line], samples: int, jobs: int, folder: Path | None
+) -> Iterator[PlannedLine]:
     others = multiprocessing.active_children()
     # Not by fork: threads of the numerical libraries would be copied in mid-flight.
     pool = ProcessPoolExecutor(
@@ -122,7 +128,7 @@ def _plan_in_processes(lines: Iterator[Line], samples: int, jobs: int) -> Iterat
     try:
         while True:
             while len(waiting) < _AHEAD * jobs and (chunk := list(islice(lines, _CHUNK))):
-                waiting.append(pool.submit(_plan_chunk, chunk, samples))
+                waiting.append(pool.submit(_plan_chunk, chunk, samples, folder))
             if not waiting:
                 break
             yield from waiting.popleft().result()
@@ -140,8 +146,8 @@ def _plan_in_processes(lines: Iterator[Line], samples: int, jobs: int) -> Iterat
         pool.shutdown()
 
 
-def _plan_chunk(chunk: list[Line], samples: int) -> list[PlannedLine]:
-    return [plan_line(number, line, samples) for number, line in chunk]
+def _plan_chunk(chunk: list[Line], samples: int, folder: Path | None) -> list[PlannedLine]:
+    return [plan_line(number, line, samples, folder) for number, line in chunk]
 
 
 def _begin_worker() -> None:

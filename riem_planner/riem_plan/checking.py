@@ -66,7 +66,7 @@ def _pairs(plan: Path, problem: Path | None) -> Iterator[tuple[int, bytes, Probl
         if planned is None or line is None:
             raise InvalidProblemError(str(plan), f"expected one plan for each line of {problem}")
         with of_file(problem), within(f"line {line[0]}"):
-            stated = parse_problem(parse_json(decoded(line[1])))
+            stated = parse_problem(parse_json(decoded(line[1])), problem.parent)
         yield *planned, stated
 
 

@@ -26,6 +26,7 @@ from riem_planner.files.section import of_file
 from riem_planner.riem_plan import batch
 from riem_planner.riem_plan.checking import check_files
 from riem_planner.riem_plan.planning import DEFAULT_SAMPLES, plan_problem
+from riem_planner.riem_plan.resolve import resolved_lines
 from riem_planner.solution import Status
 from riem_planner.solve import warm_up
 
@@ -113,6 +114,12 @@ def _parser() -> argparse.ArgumentParser:
         help="minimise torque instead of acceleration (so3; the problem gives an inertia)",
     )
     parser.add_argument(
+        "--resolve",
+        action="store_true",
+        help="write the problem with its bodies, orbit and spacecraft replaced by directions, as"
+        " JSON; solve nothing",
+    )
+    parser.add_argument(
         "--certificate-only",
         type=Path,
         metavar="PLAN",
@@ -136,6 +143,8 @@ def _check_options(parser: argparse.ArgumentParser, options: argparse.Namespace)
             parser.error(f"--{option} shows one plan: give it a single problem")
     if options.least_torque and (_is_batch(options.problem) or options.certificate_only):
         parser.error("--least-torque plans one problem: give it a single one, and nothing to check")
+    if options.resolve and (options.plot or options.html or options.certificate_only):
+        parser.error("--resolve writes the problem alone: leave out --plot, --html and the check")
     for path in (options.output, options.plot, options.html):
         if path is not None and not path.absolute().parent.is_dir():
             parser.error(f"{path}: there is no folder {path.parent}")
@@ -154,9 +163,22 @@ def _run(options: argparse.Namespace) -> int:
         lines, certified = check_files(options.certificate_only, options.problem)
         print("\n".join(lines))
         return SOLVED if certified else NO_TRAJECTORY
+    if options.resolve:
+        return _resolve(options)
     if _is_batch(options.problem):
         return _plan_batch(options)
     return _plan_one(options)
+
+
+def _resolve(options: argparse.Namespace) -> int:
+    lines = resolved_lines(options.problem)
+    if options.output is None:
+        for line in lines:
+            print(line)
+    else:
+        with whole_file(options.output) as stream:
+            stream.writelines(f"{line}\n" for line in lines)
+    return SOLVED
 
 
 def _plan_one(options: argparse.Namespace) -> int:
@@ -230,7 +252,9 @@ def _plan_batch(options: argparse.Namespace) -> int:
 def _stream_batch(options: argparse.Namespace, stream: TextIO, total: int) -> int:
     statuses: Counter[str] = Counter()
     lines = batch.problem_lines(options.problem)
-    planned = batch.plan_lines(lines, samples=options.samples, jobs=options.jobs)
+    planned = batch.plan_lines(
+        lines, samples=options.samples, jobs=options.jobs, folder=options.problem.parent
+    )
     # Where nobody watches, a line in a log every ten seconds will do.
     interval = 0.1 if sys.stderr.isatty() else 10.0
     with tqdm(total=total, unit="plan", file=sys.stderr, mininterval=interval) as bar:
