@@ -34,7 +34,7 @@ _TOP_ROOMS = ("surveys",)
 # Of these, the files that define kernels, and those that only hold constants for them.
 _IMPORT, _CONSTANTS = (
     b"from riem_planner.kernels import",
-    ("kernels.py", "limit_rows.py", "model.py", "table.py", "dop853.py"),
+    ("kernels.py", "limit_rows.py", "model.py", "table.py", "dop853.py", "tolerances.py"),
 )
 
 COMPILING = (

@@ -73,6 +73,11 @@ class Solution:
         Whether both error estimates are within the requested tolerance.
     alternatives
         Other certified extremals, cheapest first.
+    classes_tried
+        Curves that the search descended from, one for each class of paths worth a try.
+    least_cost
+        The least cost of these classes without obstacles, in the units of `cost`: a cheaper path
+        of them saves at most what is above it. NaN where it was not looked for.
     iterations
         Newton iterations of both stages, over all classes that were tried.
     solve_time
@@ -104,6 +109,8 @@ class Solution:
     local_minimum: bool | None = None
     converged: bool = False
     alternatives: tuple[Alternative, ...] = ()
+    classes_tried: int = 0
+    least_cost: float = float("nan")
     iterations: int = 0
     solve_time: float = 0.0
     hold: Trajectory | None = None

@@ -18,7 +18,7 @@ from riem_planner.certificate import Certificate, certify
 from riem_planner.certificate.walls import find_wall
 from riem_planner.cost import trajectory_cost
 from riem_planner.duration import Solve, advised, solve_auto
-from riem_planner.geometry import so3
+from riem_planner.geometry import so3, sphere
 from riem_planner.goals import PointingGoal
 from riem_planner.hold import contact, hold_trajectory
 from riem_planner.kernels import announced, place
@@ -58,6 +58,7 @@ _INERTIA_NODES = 100  # about as many as decide whether an extremal is a minimum
 # On S^2: rate about the boresight between samples [rad/s], where in an interval a quintic's is
 # greatest, and how often samples are doubled for it.
 _MOST_ROLL, _ROLLS_AT, _MOST_DOUBLINGS = 6e-10, 0.5 + np.array([-0.5, 0.5]) / np.sqrt(5.0), 3
+_SMALL_MOVE, _FAR_OUT = np.radians(3.0), 2.0  # a move, and of it how far from its start is far
 _TOLD_ANGLE = np.radians(1e-3)  # of a second axis, below which its direction counts as met
 _CUT_SAMPLES = 100  # an interval, for the part of the cost that rounding the cut locus hides
 _NOTE_FAMILY = (
@@ -314,19 +315,34 @@ def _solve(
     found = (local_search if local else global_search)(setup, watch, warm_start)
     solution = _best(problem, setup, found, tolerance, watch, 1 if local else _MOST_RESULTS)
     # Where only limits are broken there are paths enough, and the answer is a longer duration.
-    settled = solution.solved or solution.status is Status.LIMITS_EXCEEDED
-    if settled:
-        return solution
-    rescued = _rescued(problem, setup, found, tolerance, watch, warm_start)
-    if rescued is not None:
-        return rescued
-    if local or not watch.has_time_for(_ROADMAP_TIME):
-        return solution
-    found = roadmap_search(setup, watch)
-    solution = _best(problem, setup, found, tolerance, watch, _MOST_RESULTS)
+    if not solution.solved and solution.status is not Status.LIMITS_EXCEEDED:
+        wider = not local and watch.has_time_for(_ROADMAP_TIME)
+        # Of doors that open and close the search sees little: what it found is of little use.
+        if not problem.forbidden.moving or not wider:
+            solution = _rescued(problem, setup, found, tolerance, watch, warm_start) or solution
+        if not solution.solved and wider:
+            solution = _by_roadmap(problem, setup, found, tolerance, watch)
+        if not solution.solved and wider and problem.forbidden.moving:
+            solution = _rescued(problem, setup, found, tolerance, watch, warm_start) or solution
+    least = found.least_cost / problem.duration**3
+    return replace(solution, classes_tried=found.tried, least_cost=least)
+
+
+def _by_roadmap(
+    problem: Problem, setup: Setup, found: Search, tolerance: float, watch: Watch
+) -> Solution:
+    """The best answer near shortest paths over a grid; how far was looked, if there is none."""
+    by_roadmap = roadmap_search(setup, watch)
+    solution = _best(problem, setup, by_roadmap, tolerance, watch, _MOST_RESULTS)
+    if not solution.solved:
+        solution = _rescued(problem, setup, by_roadmap, tolerance, watch, None) or solution
     if solution.solved:
         return solution
-    return _rescued(problem, setup, found, tolerance, watch, None) or solution
+    looked = f"{found.tried} curves and shortest paths over a grid were tried"
+    message = solution.message.replace(
+        solution.status.advice, f"{looked}; {solution.status.advice}"
+    )
+    return replace(solution, message=message)
 
 
 def _rescued(
@@ -469,6 +485,7 @@ def _solution(
     if crosses_cut(setup.table, best.times, best.states).any():
         notes.append(_NOTE_CUT)
     notes += _goal_notes(problem)
+    notes += _excursion_notes(problem, trajectory)
     converged = best.settled and best.error <= tolerance and best.cost_error <= tolerance
     if not best.settled:
         notes.append(_NOTE_UNSETTLED.format(remedy))
@@ -493,6 +510,27 @@ def _solution(
         hold=hold_trajectory(problem, trajectory),
         notes=tuple(notes),
     )
+
+
+def _excursion_notes(problem: Problem, trajectory: Trajectory) -> list[str]:
+    """Whether obstacles push a small move from rest to rest far out and back."""
+    ends = (problem.start.angular_velocity, problem.arrival.angular_velocity)
+    if not problem.obstacles or np.any(ends):
+        return []
+    q = trajectory.quaternions_xyzw
+    if problem.space == S2:
+        x = so3.quaternion_to_matrix(q) @ problem.boresight
+        away = sphere.angle(x[0], x)
+    else:
+        away = so3.quaternion_distance(q[0], q)
+    slew, furthest = float(away[-1]), float(away.max())
+    if slew > _SMALL_MOVE or furthest < _FAR_OUT * slew + _SMALL_MOVE:
+        return []
+    return [
+        f"obstacles push this move of {np.degrees(slew):.3g} degrees up to"
+        f" {np.degrees(furthest):.3g} degrees away and back; a lower normalized_strength keeps it"
+        " closer"
+    ]
 
 
 def _goal_notes(problem: Problem) -> list[str]:

@@ -8,9 +8,8 @@ import numpy as np
 
 from riem_planner.certificate.clearance import Clearance, certify_clearance
 from riem_planner.certificate.tolerances import (
-    ATTITUDE_TOLERANCE,
     DURATION_TOLERANCE,
-    RATE_TOLERANCE,
+    HOLD_TOLERANCE,
 )
 from riem_planner.geometry import so3
 from riem_planner.hold import hold_samples, hold_trajectory, later
@@ -65,7 +64,7 @@ def _missed(problem: Problem, trajectory: Trajectory, hold: Trajectory) -> tuple
         return (f"hold: expected {problem.hold:.9g} s, got {hold.duration:.9g} s",)
     gap = so3.quaternion_distance(hold.quaternions_xyzw[0], trajectory.quaternions_xyzw[-1])
     step = np.abs(hold.angular_velocities[0] - trajectory.angular_velocities[-1]).max()
-    if not (gap <= ATTITUDE_TOLERANCE and step <= RATE_TOLERANCE):
+    if not (gap <= HOLD_TOLERANCE and step <= HOLD_TOLERANCE):
         reasons.append(f"hold: begins {gap:.3g} rad and {step:.3g} rad/s off the slew's end")
     middles = 0.5 * (hold.times[1:] + hold.times[:-1])
     since = np.insert(hold.times, np.arange(1, hold.times.size), middles)
@@ -73,6 +72,6 @@ def _missed(problem: Problem, trajectory: Trajectory, hold: Trajectory) -> tuple
     q, v, _ = hold.evaluate_quaternion(np.minimum(since, hold.duration))
     astray = float(np.max(so3.quaternion_distance(q, wanted.quaternions_xyzw)))
     rate = float(np.max(np.abs(v - wanted.angular_velocities)))
-    if not (astray <= ATTITUDE_TOLERANCE and rate <= RATE_TOLERANCE):
+    if not (astray <= HOLD_TOLERANCE and rate <= HOLD_TOLERANCE):
         reasons.append(f"hold: leaves the goal by {astray:.3g} rad, its rate by {rate:.3g} rad/s")
     return tuple(reasons)

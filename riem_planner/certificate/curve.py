@@ -17,16 +17,19 @@ from riem_planner.certificate.interval import (
     norm,
     quaternion_times,
     quintic,
+    rate_bend,
     rotated,
     rows_finite,
     sample,
 )
+from riem_planner.certificate.tolerances import LEAST_ROLL, ROLL_TOLERANCE
 from riem_planner.kernels import inlined, kernel
 
 # Entries of the result of `examine_curve`.
 FINITE, NORM, JOIN, TURN, TURN_TIME, JUMP, JUMP_TIME, RATE = range(8)
-START, START_RATE, GOAL, GOAL_RATE, ROLL, ROLL_BETWEEN = range(8, 14)
+START, START_RATE, GOAL, GOAL_RATE, ROLL, ROLL_TIME, MOST_ROLL = range(8, 15)
 
+_ROLL_PIECES = 1 << 20  # of an interval, below which roll counts as found where it can't be bounded
 _PIECES = 128  # of the whole trajectory, at least, on which its rate is bounded
 
 
@@ -126,8 +129,8 @@ def _turn(quaternions, k):
 
 
 @inlined
-def _check_samples(result, quaternions, rates, boresight, sphere):
-    """Unit norms and, on S^2, no roll; returns the greatest rate."""
+def _check_samples(result, quaternions, rates):
+    """Unit norms; returns the greatest rate."""
     fastest = 0.0
     for k in range(rates.shape[0]):
         square = 0.0
@@ -136,16 +139,49 @@ def _check_samples(result, quaternions, rates, boresight, sphere):
         result[NORM] = max(result[NORM], abs(np.sqrt(square) - 1.0))
         v = (rates[k, 0], rates[k, 1], rates[k, 2])
         fastest = max(fastest, norm(v))
-        if sphere:
-            result[ROLL] = max(result[ROLL], abs(_dot(v, boresight)))
     return fastest
 
 
 @inlined
+def _roll_rate(c, k, s, b):
+    """Rate about the boresight [rad/s] at time s after sample k."""
+    xi, xi_1, xi_2 = derivatives(c, k, s)
+    v, _ = motion(xi, xi_1, xi_2)
+    return abs(_dot(v, b))
+
+
+@inlined
+def _check_roll(result, times, c, b, k):
+    """Bound the roll throughout interval k, as far as it is within the most that is allowed.
+
+    Between two times h apart it is at most the greater of both plus `M h^2 / 8`, where M bounds
+    the rate's second derivative.
+    """
+    h = times[k + 1] - times[k]
+    s, step = 0.0, h
+    before = _roll_rate(c, k, 0.0, b)
+    while s < h:
+        end = min(s + step, h)
+        after = _roll_rate(c, k, end, b)
+        found = max(before, after)
+        bound = found + 0.125 * (end - s) ** 2 * rate_bend(c, k, s, end - s)
+        if bound > result[MOST_ROLL] and found <= result[MOST_ROLL] and step > h / _ROLL_PIECES:
+            step *= 0.5
+            continue
+        if bound > result[ROLL]:
+            result[ROLL], result[ROLL_TIME] = bound, times[k] + s
+        if found > result[MOST_ROLL]:
+            break
+        s, before, step = end, after, 2.0 * step
+
+
+@inlined
 def _check_intervals(result, times, quaternions, rates, accelerations, c, boresight, sphere):
-    """Joins, turns, jumps, the bound of the rate and, on S^2, roll half-way."""
-    fastest = _check_samples(result, quaternions, rates, boresight, sphere)
+    """Joins, turns, jumps, the bound of the rate and, on S^2, of roll."""
+    fastest = _check_samples(result, quaternions, rates)
     last = times.size - 1
+    b = _vector(boresight)
+    result[MOST_ROLL] = ROLL_TOLERANCE * fastest + LEAST_ROLL / times[last]
     pieces = 1 + _PIECES // last
     for k in range(last):
         h = times[k + 1] - times[k]
@@ -161,9 +197,7 @@ def _check_intervals(result, times, quaternions, rates, accelerations, c, boresi
             V, _ = motion_bounds(c, k, piece * h / pieces, h / pieces)
             result[RATE] = max(result[RATE], V)
         if sphere:
-            xi, xi_1, xi_2 = derivatives(c, k, 0.5 * h)
-            v, _ = motion(xi, xi_1, xi_2)
-            result[ROLL_BETWEEN] = max(result[ROLL_BETWEEN], abs(_dot(v, boresight)))
+            _check_roll(result, times, c, b, k)
 
 
 @kernel
@@ -172,7 +206,7 @@ def examine_curve(times, quaternions, rates, accelerations, coefficients, ends, 
 
     `ends` are the start's attitude and rate and the goal's: (3, 3), (3,), (3, 3), (3,).
     """
-    result = np.zeros(14)
+    result = np.zeros(15)
     finite = rows_finite(quaternions) and rows_finite(rates) and rows_finite(accelerations)
     if not (finite and all_finite(coefficients)):
         return result

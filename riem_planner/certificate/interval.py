@@ -225,6 +225,27 @@ def third_derivative(c, k, s):
 
 
 @inlined
+def rate_bend(c, k, s, h):
+    """Upper bound of the rate's second derivative on [s, s + h] of one interval.
+
+    The rate is the mean of E(u) xi' over u in [0, 1], with `E(u) = exp(-hat(u xi))`, whose
+    derivatives are at most `u |xi'|` and `u |xi''| + 3 u^2 |xi'|^2 / 2`. So
+    `|v''| <= |xi^(3)| + 3 |xi'| |xi''| / 2 + |xi'|^3 / 2`.
+    """
+    P0 = P1 = P2 = 0.0
+    for i in range(3):
+        c3, c4, c5 = c[k, 3, i], c[k, 4, i], c[k, 5, i]
+        p0 = 6 * c3 + s * (24 * c4 + s * 60 * c5)
+        p1 = h * (24 * c4 + s * 120 * c5)
+        p2 = h * h * 60 * c5
+        P0 += p0**2
+        P1 += (p0 + p1 / 2) ** 2
+        P2 += (p0 + p1 + p2) ** 2
+    V, A = motion_bounds(c, k, s, h)
+    return np.sqrt(max(P0, P1, P2)) + 1.5 * V * (A - 0.5 * V * V) + 0.5 * V**3
+
+
+@inlined
 def norm(x):
     """Length of a vector."""
     return np.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])

@@ -2,12 +2,14 @@
 
 import math
 
-ATTITUDE_TOLERANCE = 1e-6
+ATTITUDE_TOLERANCE = 1e-9
 """Error of the start and goal that is still rounding [rad]."""
-RATE_TOLERANCE = 1e-6
-"""Error of rates at the ends, times `1 + |v|` [rad/s]; on S^2 also of roll at the samples."""
-ROLL_TOLERANCE = 1e-3
-"""Roll between samples on S^2, per greatest rate: what interpolation may add."""
+RATE_TOLERANCE = 1e-9
+"""Error of rates at the ends, in units of the slew: `T |dv| <= RATE_TOLERANCE (1 + T |v|)`."""
+ROLL_TOLERANCE, LEAST_ROLL = 1e-6, 1e-9
+"""Roll on S^2 at all times: the former per greatest rate of a sample, and the latter over T."""
+HOLD_TOLERANCE = 1e-6
+"""Of a hold's attitude [rad] and rate [rad/s]."""
 NORM_TOLERANCE = 1e-9
 """Of a sample's quaternion."""
 DURATION_TOLERANCE = 1e-9

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from riem_planner.duration import braking
 from riem_planner.duration.search import (
     MARGIN,
     TOLERANCE,
@@ -17,6 +18,7 @@ from riem_planner.duration.search import (
     searched,
 )
 from riem_planner.geometry import so3
+from riem_planner.goals import State
 from riem_planner.limit_rows import KEYS, MOMENTUM, POWERS, RATE, WHEEL_MOMENTUM
 from riem_planner.limits import Limits
 from riem_planner.problem import S2, Problem
@@ -34,7 +36,35 @@ def solve_auto(problem: Problem, solve: Solve) -> Solution:
 
     The message says the duration and the limit that binds.
     """
-    found = least_duration(problem, solve)
+    braked = _solved_by_braking(problem, solve)
+    if braked is None or braked.trajectory is None:
+        return _solved_smoothly(problem, solve)
+    most = braked.trajectory.duration
+    try:
+        smooth = _solved_smoothly(problem, solve, most)
+    except InterruptedSolveError as interruption:
+        if interruption.status is Status.CANCELLED:
+            raise
+        return braked
+    longer = smooth.trajectory is None or most < smooth.trajectory.duration
+    return braked if longer else smooth
+
+
+def _solved_by_braking(problem: Problem, solve: Solve) -> Solution | None:
+    """The answer that stops first; None where that is no path of its own, or not certified."""
+    limits = problem.limits
+    if limits is None or not braking.applies(problem):
+        return None
+    stop = braking.hardest_stop(problem, limits)
+    if stop is None:
+        return None
+    at_rest = State(so3.quaternion_to_matrix(stop.quaternions_xyzw[-1]))
+    slew = _solved_smoothly(replace(problem, start=at_rest), solve).trajectory
+    return None if slew is None else braking.stop_then_slew(problem, stop, slew)
+
+
+def _solved_smoothly(problem: Problem, solve: Solve, most: float = math.inf) -> Solution:
+    found = least_duration(problem, solve, most)
     if found.failure is not None:
         return found.failure
     for T in (found.duration, found.duration * (1.0 + TOLERANCE)):
@@ -72,7 +102,7 @@ def _solved_near(problem: Problem, found: LeastDuration, solve: Solve) -> Soluti
     return solution if solution.solved else solve(problem, found.trajectory, local=True)
 
 
-def least_duration(problem: Problem, solve: Solve) -> LeastDuration:
+def least_duration(problem: Problem, solve: Solve, most: float = math.inf) -> LeastDuration:
     """Shortest duration for which some certified slew keeps a problem's limits.
 
     Parameters
@@ -81,6 +111,8 @@ def least_duration(problem: Problem, solve: Solve) -> LeastDuration:
         With limits; its duration does not count.
     solve
         Solves a problem of fixed duration and no limits.
+    most
+        Longer durations are of no use [s].
     """
     limits = problem.limits
     if limits is None:
@@ -101,7 +133,7 @@ def least_duration(problem: Problem, solve: Solve) -> LeastDuration:
         )
     if _scales(problem):
         return _scaled(free, limits, solve, estimate)
-    return searched(free, limits, solve, estimate, problem.total_momentum)
+    return searched(free, limits, solve, estimate, problem.total_momentum, most)
 
 
 def _impossible(message: str) -> LeastDuration:

@@ -138,6 +138,7 @@ def searched(
     solve: Solve,
     estimate: float,
     total_momentum: Array = AT_REST,
+    most: float = math.inf,
 ) -> LeastDuration:
     """The least duration where the path changes with it.
 
@@ -153,6 +154,8 @@ def searched(
         Duration that the straight slew would need [s].
     total_momentum : (3,)
         Of body and wheels, in the reference frame [N m s].
+    most
+        Longer durations are of no use [s].
     """
     trials = _Trials(free, limits, total_momentum, solve)
     broken = trials.at(_start_of_search(free, estimate))
@@ -160,7 +163,7 @@ def searched(
         broken = trials.at(0.5 * broken.duration)
     kept = None
     while kept is None:
-        if _hopeless(free, trials.made):
+        if _hopeless(free, trials.made, most):
             return LeastDuration(math.inf, failure=_no_duration(free, trials.made))
         step = min(_LARGEST_STEP, max(_LEAST_STEP, math.sqrt(broken.stretch)))
         trial = trials.at(step * broken.duration)
@@ -198,7 +201,7 @@ def _followed(trials: _Trials, kept: _Trial) -> _Trial:
     return kept
 
 
-def _hopeless(free: Problem, trials: list[_Trial]) -> bool:
+def _hopeless(free: Problem, trials: list[_Trial], most: float) -> bool:
     """Whether longer durations are not worth trying."""
     status = trials[-1].solution.status
     moving = free.forbidden.moving or free.goals[0].moves
@@ -206,7 +209,7 @@ def _hopeless(free: Problem, trials: list[_Trial]) -> bool:
         return True
     last = trials[-_MOST_FAILURES:]
     failures = len(last) == _MOST_FAILURES and all(trial.trajectory is None for trial in last)
-    too_long = trials[-1].duration > _LONGEST * trials[0].duration
+    too_long = trials[-1].duration > min(most, _LONGEST * trials[0].duration)
     return failures or too_long or len(trials) >= _MOST_SOLVES
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from riem_planner.geometry.quaternions import ratio, relative, tilt, turn
 from riem_planner.kernels import brief_kernel, inlined, kernel
-from riem_planner.obstacles.potential import CUT_WIDTH, potential, towards
+from riem_planner.obstacles.potential import CUT_WIDTH, margins_along, potential, towards
 from riem_planner.obstacles.table import GROUP, RADIUS, RANGE_ON, RATE
 from riem_planner.solver.ends import FIXED, arrival_rate
 
@@ -316,12 +316,8 @@ def coarseness(table, times, q):
                 break
             share = part / _PARTS
             turn(q[k], xi, share, between)
-            x, y, z, w = between
             t = times[k] + share * (times[k + 1] - times[k])
-            least = np.pi
-            for i in range(table.shape[0]):
-                if table[i, GROUP] < 0.0:
-                    least = min(least, towards(table, i, t, x, y, z, w)[0] - table[i, RADIUS])
+            least = min(np.pi, margins_along(table, t, between.reshape(1, 4))[0])
             if part == 0:
                 margin = least
             depth = max(depth, -least)

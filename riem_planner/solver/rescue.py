@@ -1,17 +1,18 @@
 """An answer before an extremal: what to try where Newton's method fails for every curve found.
 
-Tried in turn, until something is certified:
+Tried in turn, until something is certified, of which the cheapest is taken:
 
 - nodes graded to both ends, where an end is so near an edge that even nodes don't see the path
   leave it (over `m tau^(-1/4)` of the duration, from `x'''' = tau / x^3` at margin m);
-- stronger potentials, whose extremals keep further off, and from there down as far as shooting
-  follows: a certified path of the stronger problem answers the problem as stated;
-- the descended curves themselves, as splines.
+- the descended curves themselves, as splines, at the least strength that keeps them clear between
+  their nodes; and extremals of stronger potentials, which keep further off, from there down as far
+  as shooting follows: a certified path of the stronger problem answers the problem as stated.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +40,7 @@ _FIRST, _LAST = 3e-4, 0.02  # intervals of graded nodes, of the duration
 _GROWTH = 1.12  # from one to the next
 _STRONGER = (10.0, 100.0, 1000.0)
 _WEAKER = 10.0**-0.5  # a step down
+_SPLINED_AT = (1.0, 1.2, 1.5, 2.0, 4.0, 10.0, 30.0, 100.0, 1000.0)
 _MOST_CURVES = 4  # the cheapest ones
 
 
@@ -73,8 +75,11 @@ def remedies(
         )
     if not found.minima:
         return
-    yield Remedy("stronger potentials", _strengthened(setup, tolerance, watch))
-    yield Remedy("the descended curves", (iter([as_answer(setup, curve)]) for curve in best))
+    series = (_splined_series(setup, curve, watch) for curve in best)
+    yield Remedy(
+        "descended curves and stronger potentials",
+        chain(series, _strengthened(setup, tolerance, watch)),
+    )
 
 
 def as_given(setup: Setup, trajectory: Trajectory) -> Extremal:
@@ -140,6 +145,19 @@ def graded_times(first: float) -> Array:
     ends = np.concatenate([[0.0], np.cumsum(first * _GROWTH ** np.arange(count))])
     middle = np.linspace(ends[-1], 1.0 - ends[-1], int((1.0 - 2.0 * ends[-1]) / _LAST) + 1)
     return np.concatenate([ends[:-1], middle, 1.0 - ends[-2::-1]])
+
+
+def _splined_series(setup: Setup, curve: Curve, watch: Watch) -> Iterator[Extremal]:
+    """A curve on finer nodes as a spline, at rising strengths, which keep it further off."""
+    middles = 0.5 * (curve.times[1:] + curve.times[:-1])
+    times = np.sort(np.concatenate([curve.times, middles]))
+    q = setup.with_goal(curves.resampled(curve.times, setup.lifted(curve.q), times))
+    for factor in _SPLINED_AT:
+        stronger = _with_strength(setup, factor)
+        pushed = Search(stronger, watch, times).on_nodes(times, q.copy())
+        if pushed.cost < np.inf:
+            yield as_answer(setup, pushed)
+            q = pushed.q
 
 
 def _strengthened(setup: Setup, tolerance: float, watch: Watch) -> Iterator[Iterator[Extremal]]:

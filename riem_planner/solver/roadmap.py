@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from riem_planner.geometry import so3
 from riem_planner.obstacles.potential import margins_along
+from riem_planner.obstacles.table import BORESIGHT, GROUP, PLACE, RADIUS
 from riem_planner.solver.setup import Setup
 from riem_planner.solver.watch import Watch
 
@@ -28,7 +29,7 @@ _POINTS = {3: 41_253, 4: 60_000}  # a degree apart on S^2; 13 degrees of rotatio
 _REACH = {3: 1.6, 4: 1.7}  # of the mean spacing, within which points are joined
 _DETOUR = 0.05  # rad: a margin at which an edge counts twice its length
 _SMOOTHING = 5
-_TIMES = (0.0, 0.25, 0.5, 0.75, 1.0)  # a moving obstacle is where it is at any of these
+_IN_A_MEMBER, _NEAREST = 8_000, 14  # points in each keep-in zone; neighbours of each point
 
 
 def roadmap_curves(setup: Setup, watch: Watch) -> tuple[Array, list[Array]]:
@@ -41,31 +42,22 @@ def roadmap_curves(setup: Setup, watch: Watch) -> tuple[Array, list[Array]]:
         Attitudes (NODES + 1, 4), one for each way round that is open; none where the zones seal
         the goal off, as far as the grid can tell.
     """
-    dimension = 3 if setup.pointing else 4
-    points, pairs = _grid(dimension)
-    watch.count(0)
-    attitudes = _attitudes(points) if setup.pointing else points
-    moving = bool(np.any(setup.table[:, 8:11] != 0.0))
-    margins = np.min(
-        [margins_along(setup.table, time, attitudes) for time in (_TIMES if moving else (0.0,))],
-        axis=0,
-    )
-    watch.count(0)
-    margin = np.minimum(margins[pairs[:, 0]], margins[pairs[:, 1]])
-    tail, head = pairs[margin > 0.0].T
-    margin = margin[margin > 0.0]
+    points, pairs, margins = _allowed(setup, watch)
+    times = np.linspace(0.0, 1.0, NODES + 1)
+    if not pairs.size:
+        return times, []
+    tail, head = pairs.T
+    margin = np.minimum(margins[tail], margins[head])
     length = np.linalg.norm(points[tail] - points[head], axis=1) * (1.0 + (_DETOUR / margin) ** 2)
     size = (points.shape[0],) * 2
     graph = coo_array((length, (tail, head)), shape=size).tocsr()
-    start, goals = _ends(setup)
-    free = np.where(margins > 0.0, 0.0, -4.0)
-    begin = int(np.argmax(points @ start + free))
+    start, goals = ends_of(setup)
+    begin = int(np.argmax(points @ start))
     _, before = dijkstra(graph, directed=False, indices=begin, return_predecessors=True)
     watch.count(0)
-    times = np.linspace(0.0, 1.0, NODES + 1)
     curves = []
     for goal in goals:
-        node = int(np.argmax(points @ goal + free))
+        node = int(np.argmax(points @ goal))
         path = [goal]
         while node >= 0:
             path.append(points[node])
@@ -77,16 +69,67 @@ def roadmap_curves(setup: Setup, watch: Watch) -> tuple[Array, list[Array]]:
     return times, curves
 
 
-def _ends(setup: Setup) -> tuple[Array, list[Array]]:
+def _allowed(setup: Setup, watch: Watch) -> tuple[Array, NDArray[np.int64], Array]:
+    """Allowed points (n, d) of the grid, pairs (m, 2) of neighbours, and margins (n,) [rad].
+
+    Where attitudes are kept in a group, which may leave tubes that the grid does not see, more
+    points lie in its members.
+    """
+    points, pairs = _grid(3 if setup.pointing else 4)
+    watch.count(0)
+    inside = [] if setup.pointing else _inside_members(setup.table)
+    points = np.concatenate([points, *inside])
+    margins = margins_along(setup.table, 0.0, attitudes_of(setup, points))
+    free = margins > 0.0
+    watch.count(0)
+    if not inside:
+        pairs = (np.cumsum(free) - 1)[pairs[free[pairs].all(axis=1)]]
+        return points[free], pairs, margins[free]
+    points, margins = points[free], margins[free]
+    if points.shape[0] <= _NEAREST:
+        return points, np.empty((0, 2), dtype=np.int64), margins
+    nearest = cKDTree(points).query(points, k=_NEAREST + 1)[1][:, 1:]
+    pairs = np.column_stack([np.repeat(np.arange(points.shape[0]), _NEAREST), nearest.ravel()])
+    middles = points[pairs[:, 0]] + points[pairs[:, 1]]
+    middles /= np.linalg.norm(middles, axis=1)[:, None]
+    pairs = pairs[margins_along(setup.table, 0.0, middles) > 0.0]
+    watch.count(0)
+    return points, pairs, margins
+
+
+def _inside_members(table: Array) -> list[Array]:
+    """Quaternions (n, 4), of both signs, spread evenly over each keep-in zone."""
+    k = np.arange(1, _IN_A_MEMBER + 1)[:, None]
+    # The sequence of least discrepancy in three dimensions by powers of the plastic number.
+    u = (k * 1.2207440846057596 ** -np.arange(1.0, 4.0)) % 1.0
+    found = []
+    for row in table[table[:, GROUP] >= 0.0]:
+        s, b = row[PLACE : PLACE + 3], row[BORESIGHT : BORESIGHT + 3]
+        cosine = 1.0 - u[:, 0] * (1.0 - np.cos(row[RADIUS]))
+        sine = np.sqrt(1.0 - cosine**2)
+        x, y = sine * np.cos(2.0 * np.pi * u[:, 1]), sine * np.sin(2.0 * np.pi * u[:, 1])
+        to_place = so3.minimal_rotation(np.array([0.0, 0.0, 1.0]), s)
+        seen = np.column_stack([x, y, cosine]) @ so3.quaternion_to_matrix(to_place).T
+        q = so3.quaternion_multiply(
+            so3.minimal_rotation(b, seen), so3.quaternion_exp(2.0 * np.pi * u[:, 2:] * b)
+        )
+        found += [q, -q]
+    return found
+
+
+def ends_of(setup: Setup) -> tuple[Array, list[Array]]:
+    """The start on the unit sphere, and the goals: on SO(3) both quaternions of the goal."""
     if setup.pointing:
         start, goal = (so3.quaternion_to_matrix(end[:4])[:, 2] for end in (setup.start, setup.goal))
         return start, [goal]
     return setup.start[:4], [setup.goal[:4], -setup.goal[:4]]
 
 
-def _attitudes(directions: Array) -> Array:
-    """Some attitude (n, 4) for each direction (n, 3) of e3."""
-    return so3.minimal_rotation(np.array([0.0, 0.0, 1.0]), directions)
+def attitudes_of(setup: Setup, points: Array) -> Array:
+    """Attitudes (n, 4) of points of the unit sphere: on S^2 some attitude for each direction."""
+    if not setup.pointing:
+        return points
+    return so3.minimal_rotation(np.array([0.0, 0.0, 1.0]), points)
 
 
 def _curve(setup: Setup, path: Array, times: Array) -> Array:
@@ -96,9 +139,14 @@ def _curve(setup: Setup, path: Array, times: Array) -> Array:
         path /= np.linalg.norm(path, axis=1)[:, None]
     steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(steps)])
-    x = np.stack([np.interp(times * along[-1], along, column) for column in path.T], axis=1)
+    return curve_at(setup, along / along[-1], path, times)
+
+
+def curve_at(setup: Setup, path_times: Array, path: Array, times: Array) -> Array:
+    """Attitudes at times along a path of unit vectors, each at its own time."""
+    x = np.stack([np.interp(times, path_times, column) for column in path.T], axis=1)
     x /= np.linalg.norm(x, axis=1)[:, None]
-    q = setup.lifted(_attitudes(x)) if setup.pointing else x
+    q = setup.lifted(attitudes_of(setup, x)) if setup.pointing else x
     q[0] = setup.start[:4]
     return setup.with_goal(np.ascontiguousarray(q))
 
@@ -106,7 +154,13 @@ def _curve(setup: Setup, path: Array, times: Array) -> Array:
 @lru_cache(maxsize=2)
 def _grid(dimension: int) -> tuple[Array, NDArray[np.int64]]:
     """Nearly even points (n, d) on the unit sphere of R^d, and pairs (m, 2) of neighbours."""
-    n = _POINTS[dimension]
+    points, spacing = sphere_points(dimension, _POINTS[dimension])
+    pairs = cKDTree(points).query_pairs(_REACH[dimension] * spacing, output_type="ndarray")
+    return points, pairs.astype(np.int64)
+
+
+def sphere_points(dimension: int, n: int) -> tuple[Array, float]:
+    """Nearly even points (n, d) on the unit sphere of R^d, d = 3 or 4, and their mean spacing."""
     s = np.arange(n) + 0.5
     if dimension == 3:
         z = 1.0 - 2.0 * s / n
@@ -129,5 +183,4 @@ def _grid(dimension: int) -> tuple[Array, NDArray[np.int64]]:
             axis=1,
         )
         spacing = (2.0 * np.pi**2 / n) ** (1.0 / 3.0)
-    pairs = cKDTree(points).query_pairs(_REACH[dimension] * spacing, output_type="ndarray")
-    return points, pairs.astype(np.int64)
+    return points, float(spacing)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riem_planner.geometry import so3, sphere
-from riem_planner.obstacles.table import RADIUS
+from riem_planner.obstacles.table import RADIUS, RATE
 from riem_planner.solver import curves
 from riem_planner.solver.descent import SADDLES, begin_stage, descend, fresh_memory
 from riem_planner.solver.guesses import Guesses, all_guesses, ways_round
@@ -68,17 +68,26 @@ class Search:
         When to stop.
     times : (N + 1,)
         Normalised times of the nodes.
+    minima
+        Found so far, cheapest first.
+    tried
+        Curves that were descended from.
+    least_cost
+        Of the guesses without obstacles, normalised; NaN where it was not looked for.
     """
 
     setup: Setup
     watch: Watch
     times: Array
     minima: list[Curve] = field(default_factory=list)
+    tried: int = 0
+    least_cost: float = float("nan")
     _seen: list[float] = field(default_factory=list)
 
     def add(self, q: Array, softs: tuple[float, ...], *, both: bool = True) -> bool:
         """Descend from a curve, and `both` ways off a saddle; whether a new minimum came of it."""
         begin = q.copy()
+        self.tried += 1
         curve, saddle = self._relax(q, softs, 1.0)
         new = self.keep(curve)
         if saddle and (both or curve is None):
@@ -266,8 +275,11 @@ def global_search(setup: Setup, watch: Watch, warm_start: Trajectory | None) -> 
     found = Search(setup, watch, guesses.times)
     if warm_start is not None:
         found.add(warm_guess(setup, warm_start, guesses.times), _SOFT_WARM)
-    for way in unhindered(setup, watch, guesses):
+    ways = unhindered(setup, watch, guesses)
+    found.least_cost = min((way.minimum.cost for way in ways), default=found.least_cost)
+    for way in ways:
         if not setup.table.size:
+            found.tried += 1
             found.keep(way.minimum)
         elif not found.minima or way.minimum.cost < _DEAR * found.minima[0].cost:
             found.add(way.guess, found.softs)
@@ -327,9 +339,12 @@ def warm_guess(setup: Setup, trajectory: Trajectory, times: Array) -> Array:
 
 def roadmap_search(setup: Setup, watch: Watch) -> Search:
     """Minima near shortest paths over a grid, for clutter where every smooth guess fails."""
-    from riem_planner.solver.roadmap import roadmap_curves  # slow to load, and seldom needed
+    # Slow to load, and seldom needed.
+    from riem_planner.solver.roadmap import roadmap_curves
+    from riem_planner.solver.timed_roadmap import timed_curves
 
-    times, paths = roadmap_curves(setup, watch)
+    moving = bool(np.any(setup.table[:, RATE : RATE + 3] != 0.0))
+    times, paths = (timed_curves if moving else roadmap_curves)(setup, watch)
     found = Search(setup, watch, times)
     for q in paths:
         for softs in _SOFT_PATH:

@@ -92,3 +92,14 @@ def test_a_certified_warm_start_is_an_answer_where_nothing_else_is(monkeypatch):
         assert certify(solution.trajectory, longer).certified
         cost = _cost_of(longer, set_up(longer), solution.trajectory) / longer.duration**3
         assert solution.cost == pytest.approx(cost, rel=1e-9)
+
+
+@pytest.mark.parametrize("space", [SO3, S2], ids=["so3", "s2"])
+def test_a_small_move_that_obstacles_push_far_out_says_so(space):
+    zone = Zone([1.0, 0.0, 0.0], 0.8, [1.0, 0.0, 0.0], normalized_strength=0.01)
+    start = State(so3.exp([0.0, 0.0, 0.82]))
+    dither = Problem(start, State(so3.exp([0.0, 0.0, 0.822])), 60.0, space, obstacles=(zone,))
+    said = [note for note in solve(dither).notes if "obstacles push this move" in note]
+    assert len(said) == 1
+    slew = replace(dither, goal=State(so3.exp([0.0, 0.0, 2.0])))
+    assert not any("obstacles push" in note for note in solve(slew).notes)
