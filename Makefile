@@ -115,7 +115,7 @@ endif
 	@ln -sfn $(CURDIR)/package.xml $(VENV)/share/riem_planner/package.xml
 	@ln -sfn $(CURDIR)/config $(VENV)/share/riem_planner/config
 	@for command in planner_node spacecraft_sim riem_plan riem_timeline riem_campaign riem_export \
-		riem_figures riem_check riem_monitor; do \
+		riem_figures riem_check riem_monitor sky_node; do \
 		ln -sfn ../../bin/$$command $(VENV)/lib/riem_planner/$$command; done
 	@rm -f $(VENV)/.ready-*
 	@touch $@

@@ -83,6 +83,7 @@ setup(
             "riem_figures = riem_planner.paper.figures:main",
             "riem_check = riem_planner.proof.check:main",
             "riem_monitor = riem_planner.monitor_node.main:main",
+            "sky_node = riem_planner.sky_node.main:main",
         ],
     },
 )
