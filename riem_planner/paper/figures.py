@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import math
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -94,8 +95,8 @@ class Row:
         Least chord `|x - q|` between the curve and the obstacle.
     reference
         What the paper prints or the reproduction found; None where there is none.
-    certified_clearance
-        Certified lower bound of the angle to the obstacle [rad]; None for initial values.
+    certified_distance
+        Certified lower bound of the chord to the obstacle; None for initial values.
     """
 
     example: str
@@ -104,7 +105,7 @@ class Row:
     obstacle_time: float
     least_distance: float
     reference: float | None = None
-    certified_clearance: float | None = None
+    certified_distance: float | None = None
 
 
 _REPRODUCED = {
@@ -168,8 +169,45 @@ def draw(picture: Picture) -> Figure:
     figure.legend(
         handles, labels, loc="outside lower center", ncols=len(labels), fontsize=9, frameon=False
     )
-    figure.suptitle(picture.title, fontsize=12)
+    figure.suptitle(f"{picture.title}\n{_data(picture)}", fontsize=11)
+    if picture.example is paper.CUBIC and picture.strengths == (1.0,):
+        _draw_least_distance(axes[1, 0])
     return figure
+
+
+def _data(picture: Picture) -> str:
+    """The data of an example, and who chose them."""
+    example = picture.example
+
+    def vector(values: Array) -> str:
+        return "(" + ", ".join(f"{x:g}" for x in values) + ")"
+
+    initial = (
+        f"v(0) = {vector(example.v)}, v'(0) = {vector(example.a)}, v''(0) = {vector(example.j)}"
+    )
+    ours = f"$t_q$ = {example.obstacle_time:g} s, T = {example.duration:g} s, h = 1 ms"
+    if example is paper.GEODESIC:
+        return f"{initial}; {ours}: all chosen here, the paper gives no data"
+    return f"{initial} as printed; {ours} chosen here (no $t_q$ is printed)"
+
+
+def _draw_least_distance(axes: Any) -> None:
+    """Inset: the paper's curve where it passes the obstacle, for the obstacle times near its own.
+
+    The chord to the obstacle at its least, with the published value as a line.
+    """
+    inset = axes.inset_axes((0.56, 0.2, 0.41, 0.4))
+    times = np.linspace(0.09, 0.15, 7)
+    chords = []
+    for t_q in times:
+        place, lift = paper.paper_obstacle(paper.CUBIC, float(t_q))
+        chords.append(paper.paper_literal(paper.CUBIC, 1.0, lift).chord_distance(place))
+    inset.plot(times, 1e6 * np.array(chords), color="#0072B2", marker="o", markersize=3)
+    inset.axhline(1e6 * paper.PUBLISHED_DISTANCE, color="black", linestyle=":", linewidth=1.0)
+    inset.text(0.05, 0.88, "dotted: 2.54e-06, as printed", fontsize=6, transform=inset.transAxes)
+    inset.set_xlabel("$t_q$ [s]", fontsize=7, labelpad=1)
+    inset.set_title("least chord, in 1e-06", fontsize=7, pad=2)
+    inset.tick_params(labelsize=6.5)
 
 
 def _draw_sphere(
@@ -264,14 +302,15 @@ def table() -> list[Row]:
             rows.append(
                 Row(name, "corrected, boundary values", tau, example.obstacle_time,
                     paper.planned(problem).chord_distance(place),
-                    certified_clearance=certificate.clearance["q"] if certificate else None)
+                    certified_distance=2.0 * math.sin(0.5 * certificate.clearance["q"])
+                    if certificate else None)
             )  # fmt: skip
     return rows
 
 
 _HEADINGS = (
     "example", "method", "tau", "t_q [s]", "least chord", "reference",
-    "certified clearance [rad]",
+    "certified chord",
 )  # fmt: skip
 
 
@@ -281,7 +320,7 @@ def _cells(row: Row) -> list[str]:
 
     return [
         row.example, row.method, f"{row.strength:g}", f"{row.obstacle_time:.2f}",
-        number(row.least_distance), number(row.reference), number(row.certified_clearance),
+        number(row.least_distance), number(row.reference), number(row.certified_distance),
     ]  # fmt: skip
 
 

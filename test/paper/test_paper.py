@@ -68,6 +68,21 @@ def test_boundary_value_curves_keep_off_where_the_paper_literal_ones_do_not(avoi
         assert 0.0 < certificate.clearance["q"] <= avoiding[tau].distance(avoiding_obstacle())
 
 
+@pytest.mark.parametrize(("strength", "cheaper"), [(1.0, 11.927488), (1.2, 12.821985)])
+def test_own_problem_of_figure_2_is_solved_to_its_cheaper_side(strength, cheaper):
+    solution = solve(paper.boundary_value_problem(paper.CUBIC, strength))
+    assert solution.cost == pytest.approx(cheaper, abs=1e-6)
+    assert solution.converged
+    assert solution.alternatives[0].cost > solution.cost
+
+
+def test_figures_say_their_data_and_the_table_has_chords_alone():
+    for picture in figures.PICTURES:
+        text = figures._data(picture)
+        assert all(word in text for word in ("v(0) = (0,", "$t_q$ =", "T =", "h = 1 ms", "chosen"))
+    assert not any("rad" in heading or "angle" in heading for heading in figures._HEADINGS)
+
+
 def test_corrected_initial_values_are_followed_until_they_are_thrown_off():
     curve = paper.corrected(paper.CUBIC, 50.0, avoiding_obstacle())
     assert 0.3 < curve.ends < 0.6
