@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -119,6 +121,26 @@ class Problem:
     objective: str = LEAST_ACCELERATION
     notes: tuple[str, ...] = ()
     forbidden: Forbidden = field(init=False, repr=False)
+
+    if TYPE_CHECKING:
+        # What the constructor takes; the fields say what is kept of it.
+        def __init__(
+            self,
+            start: State,
+            goal: Goal | tuple[Goal, ...],
+            duration: float | Literal["auto"],
+            space: Space = ...,
+            tension: float | None = None,
+            normalized_tension: float | None = None,
+            obstacles: Sequence[Obstacle] = (),
+            boresight: ArrayLike = ...,
+            name: str = "",
+            limits: Limits | None = None,
+            total_momentum: ArrayLike = ...,
+            hold: float = 0.0,
+            objective: str = ...,
+            notes: tuple[str, ...] = (),
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         """Validate, freeze, and give every obstacle its name and boresight."""

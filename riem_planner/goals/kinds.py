@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,6 +35,10 @@ class AttitudeGoal:
 
     orientation: Array
     rate: Array = field(default_factory=lambda: np.zeros(3))
+
+    if TYPE_CHECKING:
+        # What the constructor takes; the fields say what is kept of it.
+        def __init__(self, orientation: ArrayLike, rate: ArrayLike = ...) -> None: ...
 
     def __post_init__(self) -> None:
         """Validate and freeze."""
@@ -103,6 +107,15 @@ class PointingGoal:
     boresight: Array
     direction: Turning | Path
     second: tuple[Array, Turning | Path] | None = None
+
+    if TYPE_CHECKING:
+        # What the constructor takes; the fields say what is kept of it.
+        def __init__(
+            self,
+            boresight: ArrayLike,
+            direction: ArrayLike | Turning | Path,
+            second: tuple[ArrayLike, ArrayLike | Turning | Path] | None = None,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         """Validate and freeze."""

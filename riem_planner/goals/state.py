@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,6 +39,10 @@ class State:
 
     orientation: Array
     angular_velocity: Array = field(default_factory=lambda: np.zeros(3))
+
+    if TYPE_CHECKING:
+        # What the constructor takes; the fields say what is kept of it.
+        def __init__(self, orientation: ArrayLike, angular_velocity: ArrayLike = ...) -> None: ...
 
     def __post_init__(self) -> None:
         """Validate and freeze."""
