@@ -154,7 +154,7 @@ $(SKY_READY):
 
 clean:
 	rm -rf build install log figures .pytest_cache .hypothesis .mypy_cache .ruff_cache .benchmarks
-	rm -rf *.egg-info plan.json plan.png page.html demo.png docs/_build
+	rm -rf *.egg-info plan.json plan.png page.html demo.png demo.html docs/_build
 	find . \( -path ./$(VENV) -o -path ./$(BASILISK) -o -path ./$(SURVEYS) \
 		-o -path ./$(SKY) \) -prune \
 		-o -name __pycache__ -type d -print0 | xargs -0 rm -rf

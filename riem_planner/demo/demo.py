@@ -111,7 +111,10 @@ class Demonstration:
             print("the node ended before the slew did", file=sys.stderr)
             return 1
         ending = "stopped before the end" if self.stop.is_set() else "the end is held"
-        print(f"{listener.setpoints} setpoints; {ending}; picture: {self.picture}")
+        print(
+            f"{listener.setpoints} setpoints; {ending}; picture: {self.picture},"
+            f" page: {self.picture.with_suffix('.html')}"
+        )
         return 0
 
     def _wait_for_plan(self) -> bool:
@@ -232,9 +235,18 @@ def _draw(problem: Problem, trajectory: Trajectory, picture: Path) -> None:
     import matplotlib
 
     matplotlib.use("Agg")
+    from riem_planner.certificate import certify
+    from riem_planner.page import plan_page
     from riem_planner.plots.plots import plot_plan
+    from riem_planner.solution import Solution, Status
+    from riem_planner.version import __version__
 
     plot_plan(problem, trajectory, picture)
+    certificate = certify(trajectory, problem)
+    message = "; ".join(certificate.reasons) or "the plan that the node published, judged here"
+    solution = Solution(Status.SOLVED, message, trajectory, certificate)
+    page = plan_page(problem, solution, trajectory, certificate, version=__version__)
+    picture.with_suffix(".html").write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -106,6 +106,8 @@ def test_a_run_flies_the_plan_and_shows_planned_beside_achieved(tmp_path, capfd,
     said = "\n".join(capfd.readouterr())
     assert code == 0, said
     assert picture.stat().st_size > 0
+    page = picture.with_suffix(".html").read_text(encoding="utf-8")
+    assert '"certified":true' in page
     rows = re.findall(r"^(star_tracker_sun|sun_sensors) +(\S+) +(\S+) +(\S+)$", said, re.MULTILINE)
     error = float(re.search(r"tracking error at most (\S+) deg", said)[1])
     assert 0.0 < error < 90.0  # it follows: by less than a machine that stalls for half a second
