@@ -51,7 +51,7 @@ def test_about_a_principal_axis_it_is_that_of_the_cubic(angle, limits, binding, 
     assert solution.solved
     assert solution.trajectory.duration == pytest.approx(exact(angle), rel=1e-3)
     assert f"bound by limits.{binding}" in solution.message
-    assert 0.0 <= solution.certificate.limit_margins[binding] < 2e-3
+    assert 0.0 <= solution.certificate.limits_left[binding] < 2e-3
 
 
 def test_the_slowest_limit_binds():
@@ -60,7 +60,7 @@ def test_the_slowest_limit_binds():
     slow = solve(Problem(REST, about_z(3.0), "auto", limits=limits))
     assert "bound by limits.acceleration" in quick.message
     assert "bound by limits.rate" in slow.message
-    assert set(slow.certificate.limit_margins) == {"rate", "acceleration"}
+    assert set(slow.certificate.limits_left) == {"rate", "acceleration"}
 
 
 @pytest.mark.parametrize("part", [0.5, 0.98])
@@ -81,14 +81,14 @@ def test_a_duration_within_the_limits_is_kept():
     solution = solve(Problem(REST, about_z(2.0), 31.0, limits=Limits(rate=0.1)))
     assert solution.solved
     assert solution.trajectory.duration == 31.0
-    assert solution.certificate.limit_margins["rate"] == pytest.approx(1.0 - 30.0 / 31.0, abs=2e-4)
+    assert solution.certificate.limits_left["rate"] == pytest.approx(1.0 - 30.0 / 31.0, abs=2e-4)
 
 
 def least_is_sharp(problem):
     solution = solve(problem)
     T = solution.trajectory.duration
     assert solution.solved
-    assert 0.0 <= min(solution.certificate.limit_margins.values()) < 0.02
+    assert 0.0 <= min(solution.certificate.limits_left.values()) < 0.02
     assert solve(replace(problem, duration=0.99 * T)).status is Status.LIMITS_EXCEEDED
     return T
 

@@ -47,13 +47,19 @@ def with_hold(
     else:
         held, missed = hold, _missed(problem, trajectory, hold)
     after = certify_clearance(held, later(problem.forbidden, trajectory.duration))
-    clearance, worst = dict(cleared.clearance), dict(cleared.worst)
+    clearance, worst = dict(cleared.clearance), dict(cleared.least_clearance_times)
     for name, margin in after.clearance.items():
         if margin < clearance[name]:
-            clearance[name], worst[name] = margin, trajectory.duration + after.worst[name]
+            clearance[name], worst[name] = (
+                margin,
+                trajectory.duration + after.least_clearance_times[name],
+            )
     told = tuple(f"after the arrival, {reason} of the hold" for reason in after.reasons)
     return replace(
-        cleared, clearance=clearance, worst=worst, reasons=cleared.reasons + missed + told
+        cleared,
+        clearance=clearance,
+        least_clearance_times=worst,
+        reasons=cleared.reasons + missed + told,
     )
 
 

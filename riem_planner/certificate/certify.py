@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -41,13 +42,13 @@ class Certificate:
     clearance
         Certified lower bound, in continuous time, of the distance to the forbidden set [rad],
         by the obstacle's name or the keep-in group's.
-    worst
+    least_clearance_times
         Time [s] of the least clearance found, per name.
     boundary_error
         Attitude (on S^2: direction) [rad] and rate [rad/s], the larger of start and goal.
     rate_bound
         Certified bound of `|v|` in continuous time [rad/s].
-    limit_margins
+    limits_left
         Certified part of each limit that is left, at its worst in continuous time: 0.2 says that
         four fifths are used, -0.1 that a tenth more than allowed is. Empty without limits.
     breaks_only_limits
@@ -59,13 +60,25 @@ class Certificate:
     certified: bool
     reasons: tuple[str, ...]
     clearance: dict[str, float]
-    worst: dict[str, float]
+    least_clearance_times: dict[str, float]
     boundary_error: tuple[float, float]
     rate_bound: float
-    limit_margins: dict[str, float]
+    limits_left: dict[str, float]
     breaks_only_limits: bool
     trajectory: Trajectory = field(repr=False)
     problem: Problem = field(repr=False)
+
+    @property
+    def worst(self) -> dict[str, float]:
+        """Old name of `least_clearance_times`."""
+        _renamed("worst", "least_clearance_times")
+        return self.least_clearance_times
+
+    @property
+    def limit_margins(self) -> dict[str, float]:
+        """Old name of `limits_left`."""
+        _renamed("limit_margins", "limits_left")
+        return self.limits_left
 
     @cached_property
     def extremality(self) -> float:
@@ -82,6 +95,11 @@ class Certificate:
     def invariant_drift(self) -> float | None:
         """Relative drift of the invariant H along the curve; None where obstacles move."""
         return invariant_drift(self.trajectory, self.problem)
+
+
+def _renamed(old: str, new: str) -> None:
+    message = f"Certificate.{old} is called {new} now; the old name goes with the next release"
+    warnings.warn(message, DeprecationWarning, stacklevel=3)
 
 
 def certify(
@@ -132,13 +150,13 @@ def certify(
         certified=not reasons and not within.reasons,
         reasons=reasons + within.reasons,
         clearance=cleared.clearance,
-        worst=cleared.worst,
+        least_clearance_times=cleared.least_clearance_times,
         boundary_error=(
             max(figures[curve.START], figures[curve.GOAL]),
             max(figures[curve.START_RATE], figures[curve.GOAL_RATE]),
         ),
         rate_bound=figures[curve.RATE],
-        limit_margins={key: 1.0 - part for key, part in within.parts.items()},
+        limits_left={key: 1.0 - part for key, part in within.parts.items()},
         breaks_only_limits=bool(within.reasons) and not reasons,
         trajectory=trajectory,
         problem=problem,

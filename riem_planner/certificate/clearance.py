@@ -22,14 +22,14 @@ class Clearance:
     clearance
         Certified lower bound of the distance [rad] to each forbidden set, by the obstacle's name
         or the keep-in group's.
-    worst
+    least_clearance_times
         Time [s] of the least distance found, per name.
     reasons
         What is entered, or can't be proven clear; empty when all is clear.
     """
 
     clearance: dict[str, float]
-    worst: dict[str, float]
+    least_clearance_times: dict[str, float]
     reasons: tuple[str, ...]
 
     @property

@@ -28,7 +28,7 @@ class LimitUse:
     ----------
     parts
         Upper bound of the part used at the worst, per limit's key; above 1 it is broken.
-    worst
+    worst_times
         Time [s] of the greatest part found, per limit's key.
     reasons
         Which limits are broken, by how much and when; empty when none is.
@@ -40,7 +40,7 @@ class LimitUse:
     """
 
     parts: dict[str, float] = field(default_factory=dict)
-    worst: dict[str, float] = field(default_factory=dict)
+    worst_times: dict[str, float] = field(default_factory=dict)
     reasons: tuple[str, ...] = ()
     stretch: float = 0.0
     binding: str = ""

@@ -49,10 +49,10 @@ def plan_document(plan: Plan) -> dict[str, Any]:
     }
     if plan.certified and certificate is not None:
         document["clearance_deg"] = degrees(certificate.clearance)
-        document["least_clearance_time"] = certificate.worst
+        document["least_clearance_time"] = certificate.least_clearance_times
         document["boundary_error"] = list(certificate.boundary_error)
         document["rate_bound"] = certificate.rate_bound
-        document["limits_left"] = certificate.limit_margins
+        document["limits_left"] = certificate.limits_left
     if not plan.certified:
         document["wall"] = list(solution.wall)
     if solution.goal_index is not None:

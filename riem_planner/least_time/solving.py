@@ -257,7 +257,7 @@ class LeastTime:
     def _told(self, plan: _Plan) -> Solution:
         """The solution that publishes a plan."""
         T = plan.trajectory.duration
-        margins = plan.certificate.limit_margins
+        margins = plan.certificate.limits_left
         binding = [key for key, left in margins.items() if left < _BINDS]
         bound = least_possible_duration(self._problem)
         said = (

@@ -129,7 +129,9 @@ class Judge:
                         reasons.append(f"{name}: no clearance can be proven at a splice")
                     if bound < clearance.get(name, np.inf):
                         clearance[name] = bound
-                        since = start_ns + round((found.worst[name] - from_time) * 1e9)
+                        since = start_ns + round(
+                            (found.least_clearance_times[name] - from_time) * 1e9
+                        )
                         worst[name] = since
         return Verdict(tuple(dict.fromkeys(reasons)), clearance, worst)
 

@@ -95,7 +95,7 @@ def _worst(proposal: Proposal, zones: list[Zone], settings: Settings) -> tuple[s
         return None
     name = min(certificate.clearance, key=lambda key: certificate.clearance[key])
     trajectory = proposal.segments[0].trajectory
-    time = min(max(certificate.worst[name], 0.0), trajectory.duration)
+    time = min(max(certificate.least_clearance_times[name], 0.0), trajectory.duration)
     zone = next((zone for zone in zones if name in (zone.name, zone.group)), None)
     axis = settings.boresight if zone is None or zone.boresight is None else zone.boresight
     place = trajectory.evaluate(time)[0] @ axis

@@ -198,8 +198,8 @@ def _verdict(certificate: Certificate) -> dict[str, Any]:
         "certified": certificate.certified,
         "reasons": list(certificate.reasons),
         "clearance_deg": _degrees(certificate.clearance),
-        "clearance_times": _finite(certificate.worst),
-        "limits_left": _finite(certificate.limit_margins),
+        "clearance_times": _finite(certificate.least_clearance_times),
+        "limits_left": _finite(certificate.limits_left),
         "boundary_error": [float(x) for x in certificate.boundary_error],
         "rate_bound": certificate.rate_bound,
     }

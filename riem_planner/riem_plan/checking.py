@@ -92,10 +92,10 @@ def _figures(certificate: Certificate) -> list[str]:
     attitude, rate = certificate.boundary_error
     lines = [
         f"  {name}: at least {math.degrees(angle):.6g} deg clear, least at"
-        f" {certificate.worst[name]:.6g} s"
+        f" {certificate.least_clearance_times[name]:.6g} s"
         for name, angle in certificate.clearance.items()
     ]
-    for name, part in certificate.limit_margins.items():
+    for name, part in certificate.limits_left.items():
         lines.append(f"  limits.{name}: {100.0 * part:.3g} % left")
     lines.append(f"  ends met to {attitude:.2g} rad and {rate:.2g} rad/s")
     lines.append(f"  rate below {certificate.rate_bound:.6g} rad/s throughout")

@@ -71,7 +71,7 @@ def test_clearance_is_a_lower_bound_and_tight(seed):
             assert bound <= least
             assert bound >= least - slack(least - missed) - missed - 2e-12
             # At the time named, the margin is the least one to within the same.
-            t = certificate.worst[name]
+            t = certificate.least_clearance_times[name]
             there = sampled_margins(trajectory, problem, np.array([t]))[name][0]
             assert there == pytest.approx(bound, abs=slack(bound) * 1.02 + 2e-12)
 
@@ -168,7 +168,7 @@ def test_a_moving_zone_is_met_where_it_is_when_the_path_is_there():
     moving = Zone(start, 1e-4, [1, 0, 0], strength=1.0, rate=rate, name="moon")
     certificate = certify(trajectory, problem_of(trajectory, (moving,)))
     assert certificate.reasons[0].startswith("moon: enters the zone")
-    assert certificate.worst["moon"] == pytest.approx(6.3, abs=1e-2)
+    assert certificate.least_clearance_times["moon"] == pytest.approx(6.3, abs=1e-2)
     still = Zone(crossing, 1e-4, [1, 0, 0], strength=1.0, name="moon")
     assert not certify(trajectory, problem_of(trajectory, (still,))).certified
     elsewhere = Zone(start, 1e-4, [1, 0, 0], strength=1.0, name="moon")
@@ -190,7 +190,7 @@ def test_a_union_is_kept_as_long_as_one_member_is():
     gap = problem_of(trajectory, (at(0.2, 0.799), at(1.8, 0.799)))
     certificate = certify(trajectory, gap)
     assert not certificate.certified
-    assert certificate.worst["sensors"] == pytest.approx(5.0, abs=0.02)
+    assert certificate.least_clearance_times["sensors"] == pytest.approx(5.0, abs=0.02)
     assert not certify(trajectory, problem_of(trajectory, (at(0.2, 0.81),))).certified
 
 
@@ -206,7 +206,7 @@ def test_from_a_time_on_the_obstacles_start_where_they_are_then(from_time):
             least, bound = margin.min(), cleared.clearance[name]
             step = (20.0 - from_time) / 3000
             assert least - slack(least) - 0.3 * step - 2e-12 <= bound <= least
-            assert cleared.worst[name] >= from_time
+            assert cleared.least_clearance_times[name] >= from_time
         assert cleared.certified == all(b > 0.0 for b in cleared.clearance.values())
 
 
@@ -218,7 +218,7 @@ def test_from_a_time_on_forgets_what_was_before():
     assert not certify_clearance(trajectory, problem, from_time=4.5).certified
     later = certify_clearance(trajectory, problem, from_time=4.9)
     assert later.certified
-    assert later.worst["sun"] == 4.9
+    assert later.least_clearance_times["sun"] == 4.9
     for outside in (-0.1, 10.1, math.nan):
         with pytest.raises(ValueError, match="from_time must lie in"):
             certify_clearance(trajectory, problem, from_time=outside)

@@ -38,7 +38,7 @@ def test_a_zone_cut_only_between_two_samples_is_entered(half_angle):
         assert problem.margins(trajectory.evaluate(t)[0], t)["sun"] > 0.0
     certificate = refused(trajectory, problem, "sun: enters the zone", "t = 4.5 s")
     assert certificate.clearance["sun"] == pytest.approx(-half_angle, abs=1.1e-4)
-    assert certificate.worst["sun"] == pytest.approx(4.5, abs=0.01)
+    assert certificate.least_clearance_times["sun"] == pytest.approx(4.5, abs=0.01)
 
 
 def test_a_point_obstacle_on_the_path_is_met():

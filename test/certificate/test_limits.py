@@ -15,6 +15,7 @@ from riem_planner import (
     Wheel,
     Zone,
     certify,
+    solve,
 )
 from riem_planner.certificate import certify_clearance, certify_limits
 from riem_planner.certificate.limit_bounds import TIGHTNESS
@@ -67,7 +68,7 @@ def test_parts_used_are_upper_bounds_and_tight(seed):
             assert part <= sampled[key] * (1.0 + TIGHTNESS + (2e-3 if jumps else 1e-5))
             if jumps:
                 continue
-            R, v_1, a_1 = trajectory.evaluate(use.worst[key])
+            R, v_1, a_1 = trajectory.evaluate(use.worst_times[key])
             assert limits.used(v_1, a_1, h=R.T @ TOTAL)[key] == pytest.approx(part, rel=2e-4)
 
 
@@ -123,7 +124,7 @@ def test_a_limit_broken_only_between_samples_is_broken():
     refused = certify(trajectory, problem, Limits(rate=0.999 * peak))
     assert not refused.certified
     assert refused.breaks_only_limits
-    assert refused.limit_margins["rate"] == pytest.approx(-0.001, abs=2e-4)
+    assert refused.limits_left["rate"] == pytest.approx(-0.001, abs=2e-4)
     assert "limits.rate: 1.001 times the limit" in refused.reasons[0]
     assert "t = 5 s" in refused.reasons[0]
     each = certify(trajectory, problem, Limits(rate=[1.0, 1.0, 0.999 * peak])).reasons[0]
@@ -131,7 +132,7 @@ def test_a_limit_broken_only_between_samples_is_broken():
     allowed = certify(trajectory, problem, Limits(rate=1.001 * peak))
     assert allowed.certified
     assert not allowed.breaks_only_limits
-    assert 0.0 < allowed.limit_margins["rate"] < 0.0011
+    assert 0.0 < allowed.limits_left["rate"] < 0.0011
 
 
 def test_each_axis_has_its_own_limit():
@@ -147,10 +148,10 @@ def test_the_problem_s_limits_count_unless_others_are_given():
     problem = problem_of(trajectory, limits=Limits(rate=0.2, acceleration=1.0))
     certificate = certify(trajectory, problem)
     assert not certificate.certified
-    assert certificate.limit_margins["rate"] == pytest.approx(-0.5, abs=1e-3)
-    assert certificate.limit_margins["acceleration"] == pytest.approx(0.88, abs=1e-3)
+    assert certificate.limits_left["rate"] == pytest.approx(-0.5, abs=1e-3)
+    assert certificate.limits_left["acceleration"] == pytest.approx(0.88, abs=1e-3)
     assert certify(trajectory, problem, Limits(rate=0.4)).certified
-    assert certify(trajectory, problem_of(trajectory)).limit_margins == {}
+    assert certify(trajectory, problem_of(trajectory)).limits_left == {}
 
 
 def test_with_an_automatic_duration_the_trajectory_s_own_counts():
@@ -223,7 +224,7 @@ def test_a_jerk_between_samples_is_seen():
     assert certify_limits(trajectory, limits).reasons == ()
     use = certify_limits(spoiled, limits)
     assert use.parts["jerk"] > 1.3
-    assert abs(use.worst["jerk"] - 5.0) < 0.3
+    assert abs(use.worst_times["jerk"] - 5.0) < 0.3
 
 
 @pytest.mark.parametrize(
@@ -270,3 +271,13 @@ def test_an_automatic_duration_needs_limits():
         Problem(rest, rest, math.inf)
     assert Problem(rest, rest, "auto", limits=Limits(rate=1.0)).has_auto_duration
     assert not Problem(rest, rest, 5.0, limits=Limits(rate=1.0)).has_auto_duration
+
+
+def test_old_names_of_a_certificate_still_answer_with_a_warning():
+    start = State.from_quaternion_xyzw([0.0, 0.0, 0.0, 1.0])
+    goal = State.from_quaternion_xyzw([0.0, 0.0, 0.6, 0.8])
+    certificate = solve(Problem(start, goal, 10.0, limits=Limits(rate=1.0))).certificate
+    with pytest.warns(DeprecationWarning, match="limits_left"):
+        assert certificate.limit_margins == certificate.limits_left
+    with pytest.warns(DeprecationWarning, match="least_clearance_times"):
+        assert certificate.worst == certificate.least_clearance_times

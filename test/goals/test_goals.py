@@ -134,7 +134,7 @@ def test_hold_is_certified_with_the_slew_and_its_cost_counts():
     solution = solve(problem)
     certificate = solution.certificate
     # Nearest at the end of the hold.
-    assert certificate.worst["moon"] == pytest.approx(120.0, abs=0.01)
+    assert certificate.least_clearance_times["moon"] == pytest.approx(120.0, abs=0.01)
     margin = 0.5 * math.pi - 0.01 * 120.0 - 0.2
     assert certificate.clearance["moon"] == pytest.approx(margin, abs=1e-4)
     without = solve(Problem(START, State(np.eye(3)), 20.0, obstacles=(MOON,)))

@@ -108,4 +108,4 @@ def test_wheels_on_the_axes_are_limits_of_each_axis():
     by_axes = least(REST, goal, Limits(acceleration=[0.005] * 3, rate=[0.1] * 3))
     assert by_wheels.certificate.certified
     assert by_wheels.cost == pytest.approx(by_axes.cost, rel=2e-3)
-    assert list(by_wheels.certificate.limit_margins) == ["wheels"]
+    assert list(by_wheels.certificate.limits_left) == ["wheels"]
