@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
 from riem_planner.geometry import so3
 from riem_planner.solver.setup import Setup
@@ -60,6 +59,8 @@ def splined(setup: Setup, times: Array, q: Array, parts: int = 2) -> tuple[Array
 
 def _through(times: Array, points: Array, ends: list[Array]):  # type: ignore[no-untyped-def]
     """Quintic spline through points (N + 1, d), with its derivatives at both ends."""
+    from scipy.interpolate import make_interp_spline  # slow to load, and seldom needed
+
     still = np.zeros(points.shape[1])
     conditions = tuple([(1, rate), (4, still)] for rate in ends)
     return make_interp_spline(times, points, k=5, bc_type=conditions)
