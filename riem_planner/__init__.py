@@ -6,6 +6,7 @@ from riem_planner.certificate import Certificate, certify
 from riem_planner.cost import trajectory_cost
 from riem_planner.errors import InvalidProblemError, RiemPlannerError
 from riem_planner.extremals import extremal
+from riem_planner.geometry.paths import Path, Turning
 from riem_planner.goals import AttitudeGoal, PointingGoal
 from riem_planner.limits import Limits, Wheel
 from riem_planner.obstacles import OrientationObstacle, Zone
@@ -29,6 +30,7 @@ __all__ = [
     "InvalidProblemError",
     "Limits",
     "OrientationObstacle",
+    "Path",
     "PlanningError",
     "PointingGoal",
     "Problem",
@@ -39,6 +41,7 @@ __all__ = [
     "Status",
     "StopFlag",
     "Trajectory",
+    "Turning",
     "Wheel",
     "Zone",
     "__version__",

@@ -101,7 +101,12 @@ def later(forbidden: Forbidden, time: float) -> Forbidden:
 def _later(obstacle: Obstacle, time: float) -> Obstacle:
     if isinstance(obstacle, OrientationObstacle):
         return replace(obstacle, orientation=obstacle.orientation_at(time))
-    return replace(obstacle, direction=obstacle.direction_at(time))
+    path = obstacle.path
+    return replace(
+        obstacle,
+        direction=obstacle.direction_at(time) if path is None else path.later(time),
+        active=tuple((start - time, end - time) for start, end in obstacle.active),
+    )
 
 
 @dataclass(frozen=True)

@@ -165,12 +165,14 @@ class Problem:
             if getattr(self, key) is not None:
                 set_field(self, key, non_negative_number(key, getattr(self, key)))
         set_field(self, "boresight", unit_vector("boresight", self.boresight))
+        set_field(self, "hold", non_negative_number("hold", self.hold))
         forbidden = Forbidden(tuple(self.obstacles), self.boresight, self.space == S2)
+        if not self.has_auto_duration:
+            forbidden.check_covered(self.duration + self.hold)
         set_field(self, "forbidden", forbidden)
         set_field(self, "obstacles", forbidden.obstacles)
         if self.space == S2:
             self._check_horizontal("start", self.start)
-        set_field(self, "hold", non_negative_number("hold", self.hold))
         if not self.goals:
             raise InvalidProblemError("goal.any_of", "expected at least one goal")
         for i, goal in enumerate(self.goals):

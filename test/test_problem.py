@@ -68,7 +68,6 @@ def test_wrong_states(make, message):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: OrientationObstacle(np.eye(3)), "strength: .* neither"),
         (lambda: OrientationObstacle(np.eye(3), 1.0, 1.0), "strength: .* and normalized"),
         (lambda: OrientationObstacle(np.eye(3), -1.0), "strength: .* above 0"),
         (lambda: OrientationObstacle(np.eye(3), 1.0, radius=-0.1), "radius: .* at least 0"),

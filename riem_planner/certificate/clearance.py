@@ -12,6 +12,8 @@ from riem_planner.obstacles import Forbidden
 from riem_planner.problem import Problem
 from riem_planner.trajectory import Trajectory
 
+Array = NDArray[np.float64]
+
 
 @dataclass(frozen=True)
 class Clearance:
@@ -72,6 +74,7 @@ def certify_clearance(
         trajectory.coefficients,
         float(from_time),
         forbidden.table,
+        _breaks(trajectory, forbidden, float(from_time)),
     ).tolist()
     clearance: dict[str, float] = {}
     worst: dict[str, float] = {}
@@ -81,6 +84,19 @@ def certify_clearance(
         if not bound > 0.0:
             reasons.append(_reason(name, bound, least, time))
     return Clearance(clearance, worst, tuple(reasons))
+
+
+def _breaks(trajectory: Trajectory, forbidden: Forbidden, from_time: float) -> Array:
+    """Times (m,) between which neither the trajectory nor what is forbidden has a kink."""
+    times = trajectory.times
+    own = times.copy()
+    if from_time > 0.0:
+        own = np.concatenate([[from_time], times[times > from_time]])
+    others = forbidden.breaks
+    if not others.size:
+        return own
+    inside = others[(others > 0.0) & (others < trajectory.duration - from_time)] + from_time
+    return np.union1d(own, inside)
 
 
 def _reason(name: str, bound: float, least: float, time: float) -> str:
@@ -94,7 +110,7 @@ def _reason(name: str, bound: float, least: float, time: float) -> str:
 
 def clearance_along(
     trajectory: Trajectory, where: Forbidden | Problem, times: ArrayLike, *, from_time: float = 0.0
-) -> dict[str, NDArray[np.float64]]:
+) -> dict[str, Array]:
     """Distances of a trajectory to what is forbidden at given times, for plots and displays.
 
     Parameters

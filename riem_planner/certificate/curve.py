@@ -10,11 +10,9 @@ import numpy as np
 from riem_planner.certificate.interval import (
     all_finite,
     attitude,
-    cross,
     derivatives,
     motion,
     motion_bounds,
-    norm,
     quaternion_times,
     quintic,
     rate_bend,
@@ -23,6 +21,7 @@ from riem_planner.certificate.interval import (
     sample,
 )
 from riem_planner.certificate.tolerances import LEAST_ROLL, ROLL_TOLERANCE
+from riem_planner.geometry.vectors import cross, norm
 from riem_planner.kernels import inlined, kernel
 
 # Entries of the result of `examine_curve`.

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from riem_planner.geometry.vectors import cross, plus
 from riem_planner.kernels import inlined
 
 
@@ -122,12 +123,6 @@ def derivatives(c, k, s):
 
 
 @inlined
-def cross(a, b):
-    """Cross product of two vectors."""
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-
-
-@inlined
 def motion(xi, xi_1, xi_2):
     """Body rate and acceleration of `exp(hat(xi))` from xi and its derivatives.
 
@@ -196,9 +191,9 @@ def jerk(xi, xi_1, xi_2, xi_3):
     A_1, A_2 = A_z * z_1, A_zz * z_1 * z_1 + A_z * z_2
     B_1, B_2 = B_z * z_1, B_zz * z_1 * z_1 + B_z * z_2
     c, c_1 = cross(xi, xi_1), cross(xi, xi_2)
-    c_2 = _sum(cross(xi_1, xi_2), cross(xi, xi_3))
-    d, d_1 = cross(xi, c), _sum(cross(xi_1, c), cross(xi, c_1))
-    e, f = cross(xi_1, c_1), _sum(cross(xi_2, c), cross(xi, c_2))
+    c_2 = plus(cross(xi_1, xi_2), cross(xi, xi_3))
+    d, d_1 = cross(xi, c), plus(cross(xi_1, c), cross(xi, c_1))
+    e, f = cross(xi_1, c_1), plus(cross(xi_2, c), cross(xi, c_2))
     return (
         xi_3[0] - A * c_2[0] - 2 * A_1 * c_1[0] - A_2 * c[0]
         + B * (2 * e[0] + f[0]) + 2 * B_1 * d_1[0] + B_2 * d[0],
@@ -207,11 +202,6 @@ def jerk(xi, xi_1, xi_2, xi_3):
         xi_3[2] - A * c_2[2] - 2 * A_1 * c_1[2] - A_2 * c[2]
         + B * (2 * e[2] + f[2]) + 2 * B_1 * d_1[2] + B_2 * d[2],
     )  # fmt: skip
-
-
-@inlined
-def _sum(a, b):
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @inlined
@@ -243,12 +233,6 @@ def rate_bend(c, k, s, h):
         P2 += (p0 + p1 + p2) ** 2
     V, A = motion_bounds(c, k, s, h)
     return np.sqrt(max(P0, P1, P2)) + 1.5 * V * (A - 0.5 * V * V) + 0.5 * V**3
-
-
-@inlined
-def norm(x):
-    """Length of a vector."""
-    return np.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
 
 
 @inlined

@@ -29,15 +29,14 @@ import numpy as np
 from riem_planner.certificate.interval import (
     all_finite,
     attitude,
-    cross,
     derivatives,
     jerk,
     motion,
     motion_bounds,
-    norm,
     rotated,
     third_derivative,
 )
+from riem_planner.geometry.vectors import cross, norm
 from riem_planner.kernels import inlined, kernel
 from riem_planner.limit_rows import (
     ACCELERATION,

@@ -115,6 +115,7 @@ class _Trials:
         """One more, of every class of paths."""
         made = (trial.trajectory for trial in reversed(self.made))
         near = next((trajectory for trajectory in made if trajectory is not None), None)
+        T = min(T, _known(self.free))
         return self._add(T, self.solve(replace(self.free, duration=T), near))
 
     def along(self, kept: _Trial, T: float) -> _Trial:
@@ -172,7 +173,13 @@ def searched(
         else:
             broken = trial
     kept = _followed(trials, _halved(trials.at, broken, kept))
-    return LeastDuration(kept.duration * (1.0 + MARGIN), kept.binding, kept.trajectory)
+    duration = min(kept.duration * (1.0 + MARGIN), _known(free))
+    return LeastDuration(duration, kept.binding, kept.trajectory)
+
+
+def _known(free: Problem) -> float:
+    """The longest duration that the samples of all moving zones cover [s]."""
+    return free.forbidden.known_until - free.hold
 
 
 def _halved(tried: Callable[[float], _Trial], broken: _Trial, kept: _Trial) -> _Trial:
@@ -209,7 +216,8 @@ def _hopeless(free: Problem, trials: list[_Trial], most: float) -> bool:
         return True
     last = trials[-_MOST_FAILURES:]
     failures = len(last) == _MOST_FAILURES and all(trial.trajectory is None for trial in last)
-    too_long = trials[-1].duration > min(most, _LONGEST * trials[0].duration)
+    known = min(most, _LONGEST * trials[0].duration)
+    too_long = trials[-1].duration > known or trials[-1].duration >= _known(free)
     return failures or too_long or len(trials) >= _MOST_SOLVES
 
 
@@ -220,6 +228,8 @@ def _no_duration(free: Problem, trials: list[_Trial]) -> Solution:
         return last.solution
     least = min(trials, key=lambda trial: trial.stretch)
     remedy = "raise that limit"
+    if last.duration >= _known(free):
+        remedy += ", or give samples of the moving zones for longer: they end there"
     if any(obstacle.normalized_strength is None for obstacle in free.obstacles):
         remedy += ", or give normalized_strength, with which a longer slew is a gentler one"
     return Solution(

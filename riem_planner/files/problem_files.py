@@ -14,16 +14,14 @@ from typing import Any
 import numpy as np
 
 from riem_planner.errors import InvalidProblemError
-from riem_planner.files.attitudes import ATTITUDE_KEYS, read_attitude
 from riem_planner.files.documents import decoded, parse_json, parse_yaml
 from riem_planner.files.end_states import check_end_states, read_goal, read_state
+from riem_planner.files.obstacles import read_obstacles
 from riem_planner.files.places import read_direction
 from riem_planner.files.resolving import resolved
 from riem_planner.files.section import Section, number_at, shown
-from riem_planner.geometry import so3
 from riem_planner.limit_rows import QUANTITIES, UNITS, WHEELS
 from riem_planner.limits import Limits, Wheel, checked_inertia
-from riem_planner.obstacles import Obstacle, OrientationObstacle, Zone
 from riem_planner.problem import AUTO, LEAST_ACCELERATION, OBJECTIVES, S2, SO3, Problem
 
 _SPACES = {space.name: space for space in (SO3, S2)}
@@ -31,12 +29,6 @@ _TOP = (
     "name", "space", "boresight", "duration", "tension", "normalized_tension", "start", "goal",
     "hold", "notes", "obstacles", "limits", "inertia", "total_momentum", "objective",
 )  # fmt: skip
-_COMMON = ("name", "kind", "strength", "normalized_strength", "rate")
-_OBSTACLE_KEYS = {
-    "orientation": (*_COMMON, *ATTITUDE_KEYS, "radius_deg", "range_deg"),
-    "keep_out": (*_COMMON, "direction", "boresight", "half_angle_deg", "range_deg"),
-    "keep_in": (*_COMMON, "direction", "boresight", "half_angle_deg", "group"),
-}
 _LIMIT = "a number above 0, or three of them"
 
 
@@ -88,7 +80,7 @@ def parse_problem(document: Any, folder: Path | None = None) -> Problem:
         space=space,
         tension=top.number("tension", None),
         normalized_tension=top.number("normalized_tension", None),
-        obstacles=tuple(_obstacles(top)),
+        obstacles=tuple(read_obstacles(top)),
         boresight=boresight,
         name=name,
         limits=limits,
@@ -197,77 +189,3 @@ def _inertia(top: Section) -> Any:
         )
     numbers = [number_at(f"inertia[{i}]", entry, "a number") for i, entry in enumerate(rows)]
     return checked_inertia(np.reshape(numbers, (3, 3)))
-
-
-def _obstacles(top: Section) -> list[Obstacle]:
-    entries = top.value("obstacles", [])
-    if not isinstance(entries, list):
-        raise InvalidProblemError("obstacles", f"expected a list, got {shown(entries)}")
-    return [_obstacle(f"obstacles[{i}]", entry) for i, entry in enumerate(entries)]
-
-
-def _obstacle(path: str, entry: Any) -> Obstacle:
-    every_key = sorted({key for keys in _OBSTACLE_KEYS.values() for key in keys})
-    kind = Section(path, entry, every_key).choice("kind", tuple(_OBSTACLE_KEYS))
-    section = Section(path, entry, _OBSTACLE_KEYS[kind])
-    common = {
-        "name": section.text("name", None),
-        "rate": section.numbers("rate", 3, [0.0, 0.0, 0.0]),
-        **_strength(section),
-    }
-    size = "radius_deg" if kind == "orientation" else "half_angle_deg"
-    radius_deg = _angle(section, size, positive=kind == "keep_in")
-    if kind != "keep_in":
-        common["range"] = _range(section, radius_deg, size)
-    if kind == "orientation":
-        attitude = so3.quaternion_to_matrix(read_attitude(section))
-        return OrientationObstacle(attitude, radius=math.radians(radius_deg), **common)
-    return Zone(
-        read_direction(section, "direction"),
-        math.radians(radius_deg),
-        boresight=read_direction(section, "boresight") if "boresight" in section else None,
-        kind="keep_in" if kind == "keep_in" else "keep_out",
-        group=section.text("group", None),
-        **common,
-    )
-
-
-def _strength(section: Section) -> dict[str, float]:
-    given = section.given("strength", "normalized_strength")
-    if len(given) != 1:
-        raise InvalidProblemError(
-            section.key("strength"),
-            "expected exactly one of strength, normalized_strength, got "
-            + ("both; remove one" if given else "neither; normalized_strength: 0.01 is usual"),
-        )
-    number = section.number(given[0])
-    if number <= 0.0:
-        raise InvalidProblemError(
-            section.key(given[0]),
-            f"expected a number above 0, got {number:g}; an obstacle that is not to count is left"
-            " out",
-        )
-    return {given[0]: number}
-
-
-def _angle(section: Section, name: str, *, positive: bool) -> float:
-    least = "above 0" if positive else "of at least 0"
-    expected = f"an angle {least} and below 180 degrees"
-    if positive and name not in section:
-        raise InvalidProblemError(section.key(name), f"missing; give {expected}")
-    degrees: float = section.number(name, 0.0)
-    if not 0.0 <= degrees < 180.0 or (positive and degrees == 0.0):
-        raise InvalidProblemError(section.key(name), f"expected {expected}, got {degrees:g}")
-    return degrees
-
-
-def _range(section: Section, radius_deg: float, size: str) -> tuple[float, float] | None:
-    if "range_deg" not in section:
-        return None
-    on, off = section.numbers("range_deg", 2, expected="[on, off], two angles in degrees")
-    if not radius_deg < on < off < 180.0:
-        raise InvalidProblemError(
-            section.key("range_deg"),
-            f"expected {size} < on < off < 180, got {size} {radius_deg:g}, on {on:g}, off {off:g}",
-        )
-    return math.radians(on), math.radians(off)

@@ -93,16 +93,19 @@ def _obstacle_document(obstacle: Obstacle) -> dict[str, Any]:
         document["orientation"] = State(obstacle.orientation).quaternion_xyzw.tolist()
         document["radius_deg"] = math.degrees(obstacle.radius)
     else:
-        document["direction"] = obstacle.direction.tolist()
+        document.update(_place_document(obstacle.place))
         document["boresight"] = np.asarray(obstacle.boresight).tolist()
-        document["half_angle_deg"] = math.degrees(obstacle.half_angle)
-        if obstacle.group is not None:
-            document["group"] = obstacle.group
+        key = "half_angles_deg" if np.ndim(obstacle.half_angle) else "half_angle_deg"
+        document[key] = np.degrees(obstacle.half_angle).tolist()
+        stated = {"group": obstacle.group, "member": obstacle.member}
+        document.update({key: name for key, name in stated.items() if name is not None})
+        if obstacle.active:
+            document["active"] = [list(window) for window in obstacle.active]
     if obstacle.normalized_strength is not None:
         document["normalized_strength"] = obstacle.normalized_strength
     else:
         document["strength"] = obstacle.strength
-    if np.any(obstacle.rate):
+    if isinstance(obstacle, OrientationObstacle) and np.any(obstacle.rate):
         document["rate"] = obstacle.rate.tolist()
     if obstacle.range is not None:
         document["range_deg"] = [math.degrees(angle) for angle in obstacle.range]

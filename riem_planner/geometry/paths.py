@@ -9,8 +9,9 @@ component by component; so it is C^2. With `n = |p|` and `n' = s . p'`
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -45,10 +46,19 @@ class Turning:
     direction: Array
     rate: Array = field(default_factory=lambda: np.zeros(3))
 
+    if TYPE_CHECKING:
+
+        def __init__(self, direction: ArrayLike, rate: ArrayLike = ...) -> None: ...
+
     def __post_init__(self) -> None:
         """Validate and freeze."""
         object.__setattr__(self, "direction", unit_vector("direction", self.direction))
         object.__setattr__(self, "rate", finite_array("rate", self.rate, (3,)))
+
+    @property
+    def greatest_speed(self) -> float:
+        """Upper bound of the angular speed [rad/s]."""
+        return float(np.linalg.norm(self.rate))
 
     def direction_at(self, times: ArrayLike) -> Array:
         """Unit vectors (..., 3) at times (...) [s]."""
@@ -83,6 +93,10 @@ class Path:
     directions: Array
     _coefficients: Array = field(init=False, repr=False)
 
+    if TYPE_CHECKING:
+
+        def __init__(self, times: ArrayLike, directions: ArrayLike) -> None: ...
+
     def __post_init__(self) -> None:
         """Validate, freeze, and fit the spline."""
         times = sample_times("times", self.times)
@@ -98,6 +112,10 @@ class Path:
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "directions", frozen(units))
         object.__setattr__(self, "_coefficients", spline_through(times, units))
+        if not math.isfinite(self.greatest_speed):
+            raise InvalidProblemError(
+                "times", "too uneven for a spline through the directions; give more samples"
+            )
 
     @property
     def start(self) -> float:
@@ -109,10 +127,26 @@ class Path:
         """Time of the last sample [s]."""
         return float(self.times[-1])
 
+    def later(self, time: float) -> Path:
+        """The same path where a time [s] is called 0."""
+        return Path(self.times - time, self.directions)
+
     @property
     def coefficients(self) -> Array:
         """Pieces (n - 1, 4, 3) of p: `sum_m coefficients[k, m] (t - times[k])^m`."""
         return self._coefficients
+
+    @property
+    def greatest_speed(self) -> float:
+        """Upper bound of the angular speed [rad/s]."""
+        h = np.diff(self.times)
+        # p' and p lie in the convex hulls of their Bernstein coefficients.
+        most = np.max(np.linalg.norm(bernstein_slopes(self._coefficients, h), axis=-1), axis=0)
+        hull = bernstein(self._coefficients, h)
+        middle = hull[0] + hull[-1]
+        middle /= np.linalg.norm(middle, axis=-1, keepdims=True)
+        least = np.min(np.sum(hull * middle, axis=-1), axis=0)
+        return float(np.max(most / least)) if np.all(least > 0.0) else np.inf
 
     def direction_at(self, times: ArrayLike) -> Array:
         """Unit vectors (..., 3) at times (...) [s].
@@ -167,6 +201,19 @@ def spline_through(times: Array, values: Array) -> Array:
 
     highest_first = CubicSpline(times, values, bc_type="not-a-knot").c
     return frozen(np.ascontiguousarray(np.moveaxis(highest_first[::-1], 0, 1)))
+
+
+def bernstein(pieces: Array, lengths: Array) -> Array:
+    """Bernstein coefficients (4, n, ...) of cubic pieces (n, 4, ...) of lengths (n,)."""
+    h = lengths.reshape(-1, *[1] * (pieces.ndim - 2))
+    c_0, c_1, c_2, c_3 = (pieces[:, m] * h**m for m in range(4))
+    return np.array([c_0, c_0 + c_1 / 3, c_0 + (2 * c_1 + c_2) / 3, c_0 + c_1 + c_2 + c_3])
+
+
+def bernstein_slopes(pieces: Array, lengths: Array) -> Array:
+    """Bernstein coefficients (3, n, ...) of the derivatives of cubic pieces."""
+    h = lengths.reshape(-1, *[1] * (pieces.ndim - 2))
+    return np.asarray(3.0 * np.diff(bernstein(pieces, lengths), axis=0) / h)
 
 
 def evaluate_spline(breaks: Array, pieces: Array, times: ArrayLike) -> tuple[Array, Array, Array]:

@@ -73,7 +73,12 @@ def scene_of(
     obstacles = () if world.missing else world.obstacles(now_ns)
     zones = [obstacle for obstacle in obstacles if isinstance(obstacle, Zone)]
     caps = tuple(
-        Cap(str(zone.name), zone.kind == "keep_in", np.asarray(zone.direction), zone.half_angle)
+        Cap(
+            str(zone.name),
+            zone.kind == "keep_in",
+            zone.direction_at(0.0),
+            float(zone.radius_at(0.0)),
+        )
         for zone in zones
     )
     if shown is None:

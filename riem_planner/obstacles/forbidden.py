@@ -1,8 +1,8 @@
 """What is forbidden: how far attitudes are from it, and how it repels.
 
 A forbidden set has a name and members: it is kept clear of where at least one member is, and a
-member where all its obstacles are. An obstacle by itself is a set of one member; keep-in zones of
-one group are a set with a member each.
+member where all its obstacles are. An obstacle by itself is a set of one member; a group is a set
+whose zones are its members, those of one `member` together.
 """
 
 from __future__ import annotations
@@ -18,11 +18,13 @@ from riem_planner.checks import frozen, unit_vector
 from riem_planner.errors import InvalidProblemError
 from riem_planner.obstacles.kinds import Obstacle, OrientationObstacle, Zone, first_axis
 from riem_planner.obstacles.repulsion import repulsion_of, united
-from riem_planner.obstacles.table import normalised, packed
+from riem_planner.obstacles.table import Row, breaks, normalised, packed
 
 Array = NDArray[np.float64]
 
 Members = tuple[tuple[Obstacle, ...], ...]
+
+_COVER = 1e-9  # of the last time, by which samples may miss it: rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,14 +102,18 @@ class Forbidden:
     def sets(self) -> dict[str, Members]:
         """Members of each forbidden set by its name: single obstacles first, then groups."""
         alone: dict[str, Members] = {}
-        groups: dict[str, Members] = {}
-        for obstacle in self.obstacles:
-            if isinstance(obstacle, Zone) and obstacle.kind == "keep_in":
-                name = str(obstacle.name) if obstacle.group is None else obstacle.group
-                groups[name] = (*groups.get(name, ()), (obstacle,))
-            else:
+        groups: dict[str, dict[object, list[Obstacle]]] = {}
+        for index, obstacle in enumerate(self.obstacles):
+            if obstacle.group is None:
                 alone[str(obstacle.name)] = ((obstacle,),)
-        return alone | groups
+                continue
+            member = index if obstacle.member is None else obstacle.member
+            groups.setdefault(obstacle.group, {}).setdefault(member, []).append(obstacle)
+        united = {
+            name: tuple(tuple(member) for member in members.values())
+            for name, members in groups.items()
+        }
+        return alone | united
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -117,13 +123,33 @@ class Forbidden:
     @cached_property
     def moving(self) -> bool:
         """Whether what is forbidden depends on time."""
-        return any(bool(np.any(obstacle.rate)) for obstacle in self.obstacles)
+        return any(obstacle.moves for obstacle in self.obstacles)
 
     @cached_property
     def fastest(self) -> float:
-        """Greatest angular speed of a place [rad/s]."""
-        speeds = [float(np.linalg.norm(obstacle.rate)) for obstacle in self.obstacles]
-        return max(speeds, default=0.0)
+        """Upper bound of the rate of a margin at a fixed attitude, while all exist [rad/s]."""
+        rates = [each.greatest_speed + each.greatest_growth for each in self.obstacles]
+        return max(rates, default=0.0)
+
+    @cached_property
+    def known_until(self) -> float:
+        """Time up to which the samples of all paths reach [s]; infinite without paths."""
+        paths = [zone.path for zone in self.obstacles if isinstance(zone, Zone)]
+        return min((path.end for path in paths if path is not None), default=np.inf)
+
+    def check_covered(self, end: float) -> None:
+        """Refuse paths whose samples do not cover all times from 0 to an end [s]."""
+        for index, zone in enumerate(self.obstacles):
+            path = zone.path if isinstance(zone, Zone) else None
+            if path is None:
+                continue
+            key = f"obstacles[{index}].times"
+            if path.start > 0.0:
+                raise InvalidProblemError(key, f"begin at {path.start:g} s, after the start at 0 s")
+            if path.end < end * (1.0 - _COVER):
+                raise InvalidProblemError(
+                    key, f"end at {path.end:g} s, before the arrival and hold at {end:g} s"
+                )
 
     def margins(self, attitudes: ArrayLike, times: ArrayLike = 0.0) -> dict[str, Array]:
         """Distance [rad] to each forbidden set, negative inside, by its name.
@@ -189,22 +215,27 @@ class Forbidden:
         return V, F
 
     @cached_property
-    def _rows(self) -> tuple[tuple[Obstacle, int], ...]:
-        """Obstacles in the order of the table, each with its group."""
-        rows: list[tuple[Obstacle, int]] = []
-        group = -1
-        for members in self.sets.values():
-            keeps_in = members[0][0].kind == "keep_in"
-            group += keeps_in
-            rows += [(each, group if keeps_in else -1) for member in members for each in member]
-        return tuple(rows)
+    def _rows(self) -> tuple[Row, ...]:
+        """Obstacles in the order of the table, one for each window of time."""
+        return tuple(
+            Row(obstacle, window, number, m, number if len(members) > 1 else -1)
+            for number, members in enumerate(self.sets.values())
+            for m, member in enumerate(members)
+            for obstacle in member
+            for window in obstacle.windows
+        )
 
     @cached_property
     def table(self) -> Array:
         """Rows (n, WIDTH) of all obstacles, set after set, in seconds and without strengths."""
         return frozen(packed(self._rows))
 
+    @cached_property
+    def breaks(self) -> Array:
+        """Times (m,) [s] between which all that is forbidden moves smoothly."""
+        return frozen(breaks(self.table))
+
     def normalised_table(self, duration: float) -> Array:
         """The table in units of a duration T [s], with strengths `tau T^4`."""
-        strengths = [obstacle.normalized_in(duration) for obstacle, _ in self._rows]
+        strengths = [row.obstacle.normalized_in(duration) for row in self._rows]
         return normalised(self.table, strengths, duration)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -11,15 +12,28 @@ from numpy.typing import ArrayLike, NDArray
 
 from riem_planner.checks import (
     finite_array,
-    finite_number,
     frozen,
     non_negative_number,
-    positive_number,
     rotation_matrix,
     unit_vector,
 )
 from riem_planner.errors import InvalidProblemError
 from riem_planner.geometry import so3, sphere
+from riem_planner.geometry.paths import (
+    Path,
+    Turning,
+    as_direction,
+    bernstein,
+    bernstein_slopes,
+    evaluate_spline,
+    spline_through,
+)
+from riem_planner.obstacles.repelling import (
+    Repelling,
+    check_range,
+    check_strength,
+    checked_windows,
+)
 
 Array = NDArray[np.float64]
 
@@ -29,56 +43,8 @@ def first_axis() -> Array:
     return frozen(np.array([1.0, 0.0, 0.0]))
 
 
-class _Repelling:
-    """The strength that all obstacles have, stated for their problem's units or for a slew."""
-
-    strength: float | None
-    normalized_strength: float | None
-
-    def strength_in(self, duration: float) -> float:
-        """Strength tau [rad^4/s^4] in a slew of a duration T [s]."""
-        if self.normalized_strength is not None:
-            return self.normalized_strength / duration**4
-        assert self.strength is not None  # checked when the obstacle was made
-        return self.strength
-
-    def normalized_in(self, duration: float) -> float:
-        """Strength `tau T^4` [rad^4] in a slew of a duration T [s]."""
-        if self.normalized_strength is not None:
-            return self.normalized_strength
-        assert self.strength is not None  # checked when the obstacle was made
-        return self.strength * duration**4
-
-
-def _check_strength(obstacle: Obstacle) -> None:
-    given = [
-        key for key in ("strength", "normalized_strength") if getattr(obstacle, key) is not None
-    ]
-    if len(given) != 1:
-        raise InvalidProblemError(
-            "strength",
-            "expected exactly one of strength, normalized_strength, got "
-            + (" and ".join(given) or "neither"),
-        )
-    value = positive_number(given[0], getattr(obstacle, given[0]))
-    object.__setattr__(obstacle, given[0], value)
-
-
-def _check_range(obstacle: Obstacle, least: float) -> None:
-    if obstacle.range is None:
-        return
-    on, off = (finite_number("range", value) for value in obstacle.range)
-    if not least < on < off < math.pi:
-        raise InvalidProblemError(
-            "range",
-            f"expected radius < on < off < pi [rad], got radius {least:.6g}, on {on:.6g},"
-            f" off {off:.6g}",
-        )
-    object.__setattr__(obstacle, "range", (on, off))
-
-
 @dataclass(frozen=True, eq=False)
-class OrientationObstacle(_Repelling):
+class OrientationObstacle(Repelling):
     """An attitude to keep away from, on SO(3).
 
     Parameters
@@ -88,7 +54,8 @@ class OrientationObstacle(_Repelling):
     strength
         tau of the potential `tau / (d - r)^2` [rad^4/s^4]; give it or `normalized_strength`.
     normalized_strength
-        `tau T^4`, so that the path does not depend on the duration T.
+        `tau T^4`, so that the path does not depend on the duration T; 0.01 where neither is
+        given.
     radius
         r, the distance never to fall below [rad].
     rate : (3,)
@@ -118,8 +85,8 @@ class OrientationObstacle(_Repelling):
                 "radius", f"expected less than pi rad, got {self.radius:.6g}: no attitude is left"
             )
         set_field(self, "rate", finite_array("rate", self.rate, (3,)))
-        _check_strength(self)
-        _check_range(self, self.radius)
+        check_strength(self)
+        check_range(self, self.radius)
 
     @property
     def kind(self) -> str:
@@ -139,29 +106,40 @@ class OrientationObstacle(_Repelling):
         """Distance (...) [rad] from attitudes (..., 3, 3) to what is forbidden; negative inside."""
         return self.distance(attitudes, times) - self.radius
 
+    def radius_at(self, times: ArrayLike) -> Array:
+        """Its radius [rad], the same at all times (...)."""
+        return np.full(np.shape(times), self.radius)
+
 
 @dataclass(frozen=True, eq=False)
-class Zone(_Repelling):
+class Zone(Repelling):
     """A cone about a direction that a body axis is kept out of, or in.
 
     Parameters
     ----------
     direction : (3,)
-        Axis s of the cone in the reference frame at time 0; any length but zero.
+        Axis s of the cone in the reference frame at time 0; any length but zero. Or how it moves:
+        a `Turning` (which becomes `direction` and `rate`) or a `Path`.
     half_angle
-        r, the half-angle of the cone [rad]; 0 for a point obstacle.
+        r, the half-angle of the cone [rad]; 0 for a point obstacle. Or (n,) at the samples of the
+        direction's `Path`, between which the same spline goes.
     boresight : (3,)
         Body axis b that is kept out (in); any length but zero. On S^2 the space's own.
     kind
         `keep_out` or `keep_in`.
     group
-        Name of a keep-in group: the attitude is inside at least one of its members.
+        Name of a group: at least one of its members is kept.
+    member
+        Name of a member of the group, all of whose zones are kept together; by default the zone
+        is a member by itself.
+    active
+        Windows `(start, end)` of time [s]: the zone exists only then. Empty: always.
     strength, normalized_strength, rate, range, name
         As for `OrientationObstacle`.
     """
 
-    direction: Array
-    half_angle: float
+    direction: Array | Turning | Path
+    half_angle: float | Array
     boresight: Array | None = None
     strength: float | None = None
     normalized_strength: float | None = None
@@ -170,29 +148,86 @@ class Zone(_Repelling):
     rate: Array = field(default_factory=lambda: np.zeros(3))
     range: tuple[float, float] | None = None
     name: str | None = None
+    active: tuple[tuple[float, float], ...] = ()
+    member: str | None = None
+    size_coefficients: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Validate and freeze."""
         set_field = object.__setattr__
         if self.kind not in ("keep_out", "keep_in"):
             raise InvalidProblemError("kind", f"expected keep_out or keep_in, got {self.kind!r}")
-        set_field(self, "direction", unit_vector("direction", self.direction))
+        set_field(self, "rate", finite_array("rate", self.rate, (3,)))
+        self._check_place()
         if self.boresight is not None:
             set_field(self, "boresight", unit_vector("boresight", self.boresight))
-        set_field(self, "half_angle", non_negative_number("half_angle", self.half_angle))
-        if self.kind == "keep_in" and self.half_angle == 0.0:
-            raise InvalidProblemError("half_angle", "expected above 0 for keep_in, got 0")
-        if self.half_angle >= math.pi:
+        self._check_size()
+        if self.member is not None and self.group is None:
             raise InvalidProblemError(
-                "half_angle", f"expected less than pi rad, got {self.half_angle:.6g}"
+                "member", f"expected a group beside it, got {self.member!r} alone; give group"
             )
-        if self.group is not None and self.kind != "keep_in":
-            raise InvalidProblemError("group", "only keep_in zones form groups")
+        set_field(self, "active", checked_windows(self.active))
         if self.range is not None and self.kind == "keep_in":
             raise InvalidProblemError("range", "a keep_in zone has no range: it acts everywhere")
-        set_field(self, "rate", finite_array("rate", self.rate, (3,)))
-        _check_strength(self)
-        _check_range(self, self.half_angle)
+        check_strength(self)
+        check_range(self, self.radius)
+
+    def _check_place(self) -> None:
+        place = as_direction("direction", self.direction)
+        if isinstance(self.direction, Turning | Path) and np.any(self.rate):
+            raise InvalidProblemError(
+                "rate", f"given beside a {type(place).__name__}, which says how it moves; remove it"
+            )
+        if isinstance(place, Path):
+            object.__setattr__(self, "direction", place)
+            return
+        object.__setattr__(self, "direction", place.direction)
+        if np.any(place.rate):
+            object.__setattr__(self, "rate", place.rate)
+
+    def _check_size(self) -> None:
+        set_field = object.__setattr__
+        least = "above 0 for keep_in" if self.kind == "keep_in" else "of at least 0"
+        sizes: Array | float
+        if isinstance(self.direction, Path) and np.ndim(self.half_angle) == 1:
+            times = self.direction.times
+            samples = finite_array("half_angle", self.half_angle, times.shape)
+            coefficients = spline_through(times, samples)
+            between = bernstein(coefficients[..., None], np.diff(times))
+            if not np.all((between > -0.5) & (between < math.pi)):
+                raise InvalidProblemError(
+                    "half_angle",
+                    "the spline through the samples leaves what an angle can be; give more samples",
+                )
+            sizes = samples
+        else:
+            if np.ndim(self.half_angle) != 0:
+                raise InvalidProblemError(
+                    "half_angle", "expected a number; samples of it need a Path as the direction"
+                )
+            sizes = non_negative_number("half_angle", self.half_angle)
+            coefficients = np.array([sizes, 0.0, 0.0, 0.0])
+        smallest, greatest = float(np.min(sizes)), float(np.max(sizes))
+        if smallest < 0.0 or (self.kind == "keep_in" and smallest == 0.0):
+            raise InvalidProblemError("half_angle", f"expected {least}, got {smallest:.6g}")
+        if greatest >= math.pi:
+            raise InvalidProblemError(
+                "half_angle", f"expected less than pi rad, got {greatest:.6g}"
+            )
+        set_field(self, "half_angle", sizes)
+        set_field(self, "size_coefficients", frozen(coefficients))
+
+    @cached_property
+    def place(self) -> Turning | Path:
+        """Where its axis is over time."""
+        if isinstance(self.direction, Path):
+            return self.direction
+        return Turning(np.asarray(self.direction), self.rate)
+
+    @property
+    def path(self) -> Path | None:
+        """How its axis moves along samples; None where it has a rate, or none."""
+        return self.direction if isinstance(self.direction, Path) else None
 
     @property
     def body_axis(self) -> Array:
@@ -201,22 +236,51 @@ class Zone(_Repelling):
 
     @property
     def radius(self) -> float:
-        """The half-angle [rad], under the name all obstacles share."""
-        return self.half_angle
+        """The half-angle [rad], of samples the greatest, under the name all obstacles share."""
+        return float(np.max(self.half_angle))
+
+    @property
+    def greatest_speed(self) -> float:
+        """Upper bound of the angular speed of its axis [rad/s]."""
+        return self.place.greatest_speed
+
+    @property
+    def greatest_growth(self) -> float:
+        """Upper bound of the speed at which its half-angle changes [rad/s]."""
+        path = self.path
+        if path is None or np.ndim(self.half_angle) == 0:
+            return 0.0
+        return float(np.max(np.abs(bernstein_slopes(self.size_coefficients, np.diff(path.times)))))
+
+    @property
+    def moves(self) -> bool:
+        """Whether its place, its size or its existence depends on time."""
+        return self.path is not None or bool(np.any(self.rate)) or bool(self.active)
 
     def direction_at(self, times: ArrayLike) -> Array:
         """Unit vectors (..., 3) of the cone's axis at times (...) [s]."""
-        turn = np.asarray(times, dtype=float)[..., None] * self.rate
-        return np.asarray(so3.exp(turn) @ self.direction)
+        return self.place.direction_at(times)
+
+    def radius_at(self, times: ArrayLike) -> Array:
+        """Half-angles (...) [rad] at times (...) [s]."""
+        path = self.path
+        if path is None or np.ndim(self.half_angle) == 0:
+            return np.full(np.shape(times), self.half_angle)
+        pieces = self.size_coefficients[..., None]
+        return np.asarray(evaluate_spline(path.times, pieces, times)[0][..., 0])
 
     def distance(self, attitudes: ArrayLike, times: ArrayLike = 0.0) -> Array:
         """Angle (...) [rad] between the boresight under attitudes (..., 3, 3) and the axis."""
         return sphere.angle(np.asarray(attitudes) @ self.body_axis, self.direction_at(times))
 
     def margin(self, attitudes: ArrayLike, times: ArrayLike = 0.0) -> Array:
-        """Distance (...) [rad] from attitudes (..., 3, 3) to what is forbidden; negative inside."""
-        outside = self.distance(attitudes, times) - self.half_angle
-        return -outside if self.kind == "keep_in" else outside
+        """Distance (...) [rad] from attitudes (..., 3, 3) to what is forbidden; negative inside.
+
+        Where it does not exist pi, as far as can be.
+        """
+        outside = self.distance(attitudes, times) - self.radius_at(times)
+        margin = -outside if self.kind == "keep_in" else outside
+        return np.where(self.active_at(times), margin, math.pi) if self.active else margin
 
 
 Obstacle = OrientationObstacle | Zone

@@ -12,33 +12,59 @@ Body perturbations: `R exp(hat(delta))`. Under them
 
 and a vector of body components, such as the gradient, changes by
 `Hessian delta - delta x gradient / 2`.
+
+The potential of a group is `(sum V_k^-2)^(-1/2)` with the sums V_k of its members' potentials, as
+where a margin m > 0 stands for `V = tau / m^2`: every other formula is the chain rule.
+
+A potential with its derivatives travels as a tuple of ten: V, gradient (3), Hessian (xx, yy, zz,
+xy, xz, yz).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from riem_planner.geometry.vectors import cross, dot, norm, turned_back
 from riem_planner.kernels import brief_kernel, inlined, kernel
 from riem_planner.obstacles.table import (
+    BEGIN,
     BORESIGHT,
+    COUNT,
+    CUBICS,
+    FROM,
     GROUP,
+    KEEP_IN,
     KIND,
+    MEMBER,
+    ORIENTATION,
+    PATH,
+    PIECES,
     PLACE,
     RADIUS,
     RANGE_OFF,
     RANGE_ON,
     RATE,
     STRENGTH,
+    UNTIL,
 )
 
 CUT_WIDTH = 0.1
 """Within this distance [rad] of the cut locus, d = pi, the kink of d is rounded off, so that the
 potential is C^5; the potential as stated differs there only."""
 
-# Width of the smooth maximum that stands in for a keep-in group that may be violated: a share of
-# the margin `soft`, so that what it gives away shrinks with that, and at most some rad.
-_UNION_SHARE, _UNION_MOST = 0.5, 0.05
-_ORIENTATION, _KEEP_OUT = 0, 1
+_NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@inlined
+def obstacle_count(table):
+    """Number of obstacles in a table: the rows behind them are pieces of paths."""
+    return int(table[0, COUNT]) if table.shape[0] > 0 else 0
+
+
+@inlined
+def exists(table, i, time):
+    """Whether obstacle i exists at a time; the ends of its window belong to it."""
+    return table[i, FROM] <= time <= table[i, UNTIL]
 
 
 @inlined
@@ -117,164 +143,219 @@ def _keep_out(c, s, m, r, tau, on, off, soft):
 
 
 @inlined
-def _placed(table, i, time):
-    """Place of obstacle i at a normalised time: four numbers."""
-    a, b, c, d = table[i, PLACE], table[i, PLACE + 1], table[i, PLACE + 2], table[i, PLACE + 3]
-    x, y, z = time * table[i, RATE], time * table[i, RATE + 1], time * table[i, RATE + 2]
-    square = x * x + y * y + z * z
-    if square == 0.0:
-        return a, b, c, d
-    angle = np.sqrt(square)
-    f = np.sin(0.5 * angle) / angle
-    x, y, z, w = f * x, f * y, f * z, np.cos(0.5 * angle)
-    if table[i, KIND] == _ORIENTATION:
-        return (
-            w * a + d * x + y * c - z * b,
-            w * b + d * y + z * a - x * c,
-            w * c + d * z + x * b - y * a,
-            w * d - x * a - y * b - z * c,
-        )
-    # s + 2 w (n x s) + 2 n x (n x s)
-    p, q, r = y * c - z * b, z * a - x * c, x * b - y * a
+def _keep_in(c, s, r, tau, soft):
+    """V, dV/du, d2V/du2 of `tau / m^2`, m = (r^2 - d^2) / (2 r).
+
+    Below a margin m of `soft` its quadratic Taylor polynomial in m.
+    """
+    beta = np.arctan2(s, c)
+    B_1, B_2 = _square(beta, c, s)
+    m = 0.5 * (r * r - beta * beta) / r
+    m_1, m_2 = -0.5 * B_1 / r, -0.5 * B_2 / r
+    if not max(m, soft) > 0.0:
+        return np.inf, 0.0, 0.0
+    edge = max(m, soft)
+    V = tau / (edge * edge)
+    V_m, V_mm = -2.0 * V / edge, 6.0 * V / (edge * edge)
+    dm = m - edge
+    V += dm * (V_m + 0.5 * dm * V_mm)
+    V_m += dm * V_mm
+    return V, V_m * m_1, V_mm * m_1 * m_1 + V_m * m_2
+
+
+@inlined
+def _cubic(table, k, first, t):
+    """The cubic at column `first` of piece k, a time t after its beginning."""
+    return table[k, first] + t * (
+        table[k, first + 1] + t * (table[k, first + 2] + t * table[k, first + 3])
+    )
+
+
+@inlined
+def _on_path(table, i, time):
+    """Direction (three numbers and 0) of an obstacle on a path, and its radius."""
+    low = int(table[i, PATH])
+    high = low + int(table[i, PIECES]) - 1
+    while low < high:
+        middle = (low + high + 1) // 2
+        if table[middle, BEGIN] <= time:
+            low = middle
+        else:
+            high = middle - 1
+    t = time - table[low, BEGIN]
+    p = (
+        _cubic(table, low, CUBICS, t),
+        _cubic(table, low, CUBICS + 4, t),
+        _cubic(table, low, CUBICS + 8, t),
+    )
+    size = norm(p)
+    return (p[0] / size, p[1] / size, p[2] / size, 0.0), _cubic(table, low, CUBICS + 12, t)
+
+
+@inlined
+def _turned(n, w, s):
+    """A vector turned by the quaternion (n, w): `s + 2 w n x s + 2 n x (n x s)`."""
+    c = cross(n, s)
+    d = cross(n, c)
     return (
-        a + 2.0 * (w * p + y * r - z * q),
-        b + 2.0 * (w * q + z * p - x * r),
-        c + 2.0 * (w * r + x * q - y * p),
+        s[0] + 2.0 * (w * c[0] + d[0]),
+        s[1] + 2.0 * (w * c[1] + d[1]),
+        s[2] + 2.0 * (w * c[2] + d[2]),
         0.0,
     )
 
 
 @inlined
-def _sum(table, time, x, y, z, w, soft):
+def _placed(table, i, time):
+    """Place of obstacle i at a time, four numbers, and its radius."""
+    if table[i, PATH] >= 0.0:
+        return _on_path(table, i, time)
+    s = (table[i, PLACE], table[i, PLACE + 1], table[i, PLACE + 2])
+    d, r = table[i, PLACE + 3], table[i, RADIUS]
+    x, y, z = time * table[i, RATE], time * table[i, RATE + 1], time * table[i, RATE + 2]
+    square = x * x + y * y + z * z
+    if square == 0.0:
+        return (s[0], s[1], s[2], d), r
+    angle = np.sqrt(square)
+    f = np.sin(0.5 * angle) / angle
+    n, w = (f * x, f * y, f * z), np.cos(0.5 * angle)
+    if table[i, KIND] != ORIENTATION:
+        return _turned(n, w, s), r
+    c = cross(n, s)
+    return (
+        w * s[0] + d * n[0] + c[0],
+        w * s[1] + d * n[1] + c[1],
+        w * s[2] + d * n[2] + c[2],
+        w * d - dot(n, s),
+    ), r
+
+
+@inlined
+def _seen(table, i, place, q):
+    """How obstacle i at a place sees an attitude.
+
+    Returns
+    -------
+    u, its gradient e (3,), sin(d / m), m, and of its Hessian `k I + (y b^T + b y^T) / 2` the
+    number k and the vectors y and b.
+    """
+    if table[i, KIND] == ORIENTATION:
+        n, s = (q[0], q[1], q[2]), (place[0], place[1], place[2])
+        u = dot(n, s) + q[3] * place[3]
+        sign = 0.5 if u >= 0.0 else -0.5
+        c = cross(n, s)
+        e = (
+            sign * (q[3] * s[0] - place[3] * n[0] - c[0]),
+            sign * (q[3] * s[1] - place[3] * n[1] - c[1]),
+            sign * (q[3] * s[2] - place[3] * n[2] - c[2]),
+        )
+        zero = (0.0, 0.0, 0.0)
+        u = abs(u)
+        return u, e, 2.0 * norm(e), 2.0, -0.25 * u, zero, zero
+    y = turned_back(q, (place[0], place[1], place[2]))
+    b = (table[i, BORESIGHT], table[i, BORESIGHT + 1], table[i, BORESIGHT + 2])
+    u, e = dot(y, b), cross(b, y)
+    return u, e, norm(e), 1.0, -u, y, b
+
+
+@inlined
+def _of_obstacle(table, i, time, q, soft):
+    """Potential of obstacle i with its derivatives."""
+    place, r = _placed(table, i, time)
+    u, e, sine, m, trace, y, b = _seen(table, i, place, q)
+    tau = table[i, STRENGTH]
+    if table[i, KIND] == KEEP_IN:
+        V, V_1, V_2 = _keep_in(u, sine, r, tau, soft)
+    else:
+        on, off = table[i, RANGE_ON], table[i, RANGE_OFF]
+        V, V_1, V_2 = _keep_out(u, sine, m, r, tau, on, off, soft)
+    k = V_1 * trace
+    return (
+        V,
+        V_1 * e[0],
+        V_1 * e[1],
+        V_1 * e[2],
+        V_2 * e[0] * e[0] + k + V_1 * y[0] * b[0],
+        V_2 * e[1] * e[1] + k + V_1 * y[1] * b[1],
+        V_2 * e[2] * e[2] + k + V_1 * y[2] * b[2],
+        V_2 * e[0] * e[1] + 0.5 * V_1 * (y[0] * b[1] + y[1] * b[0]),
+        V_2 * e[0] * e[2] + 0.5 * V_1 * (y[0] * b[2] + y[2] * b[0]),
+        V_2 * e[1] * e[2] + 0.5 * V_1 * (y[1] * b[2] + y[2] * b[1]),
+    )
+
+
+@inlined
+def _added(a, b):
+    """Sum of two potentials with their derivatives."""
+    return (
+        a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4],
+        a[5] + b[5], a[6] + b[6], a[7] + b[7], a[8] + b[8], a[9] + b[9],
+    )  # fmt: skip
+
+
+@inlined
+def _function(value, first, second, a):
+    """A function of a potential, by its value and two derivatives: the chain rule."""
+    g = (a[1], a[2], a[3])
+    return (
+        value,
+        first * g[0],
+        first * g[1],
+        first * g[2],
+        first * a[4] + second * g[0] * g[0],
+        first * a[5] + second * g[1] * g[1],
+        first * a[6] + second * g[2] * g[2],
+        first * a[7] + second * g[0] * g[1],
+        first * a[8] + second * g[0] * g[2],
+        first * a[9] + second * g[1] * g[2],
+    )
+
+
+@inlined
+def _weight(member):
+    """`V^-2` of a member: infinite where it repels not, nothing where it is violated."""
+    V = member[0]
+    if not np.inf > V:
+        return _NOTHING
+    if V == 0.0:
+        return _function(np.inf, 0.0, 0.0, _NOTHING)
+    W = 1.0 / (V * V)
+    return _function(W, -2.0 * W / V, 6.0 * W * W, member)
+
+
+@inlined
+def _united(weights):
+    """`S^(-1/2)` of a group's sum of weights."""
+    S = weights[0]
+    if not np.inf > S:
+        return _NOTHING
+    if S == 0.0:
+        return _function(np.inf, 0.0, 0.0, _NOTHING)
+    V = 1.0 / np.sqrt(S)
+    return _function(V, -0.5 * V / S, 0.75 * V / (S * S), weights)
+
+
+@inlined
+def _sum(table, time, q, soft):
     """What `potential` returns; what its caller leaves unused is never computed."""
-    total = 0.0
-    G0, G1, G2 = 0.0, 0.0, 0.0
-    H00, H11, H22, H01, H02, H12 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    n = table.shape[0]
-    # Sums over the members of the present keep-in group: weights, gradient, Hessian.
-    group = -1.0
-    width = min(_UNION_SHARE * soft, _UNION_MOST)
-    top, weight, tau_group = -np.inf, 0.0, 0.0
-    g0, g1, g2 = 0.0, 0.0, 0.0
-    h00, h01, h02, h11, h12, h22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    total, member, weights = _NOTHING, _NOTHING, _NOTHING
+    n = obstacle_count(table)
     for i in range(n):
-        a, b, c, d = _placed(table, i, time)
-        r, tau = table[i, RADIUS], table[i, STRENGTH]
-        if table[i, KIND] == _ORIENTATION:
-            u = x * a + y * b + z * c + w * d
-            sign = 0.5 if u >= 0.0 else -0.5
-            e0 = sign * (w * a - d * x - (y * c - z * b))
-            e1 = sign * (w * b - d * y - (z * a - x * c))
-            e2 = sign * (w * c - d * z - (x * b - y * a))
-            u = abs(u)
-            sine = 2.0 * np.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
-            V, V_1, V_2 = _keep_out(
-                u, sine, 2.0, r, tau, table[i, RANGE_ON], table[i, RANGE_OFF], soft
-            )
-            p0, p1, p2, f0, f1, f2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            trace = -0.25 * u
-        else:
-            # y = R^T s by s - 2 w (n x s) + 2 n x (n x s)
-            c0, c1, c2 = y * c - z * b, z * a - x * c, x * b - y * a
-            p0 = a - 2.0 * (w * c0 - (y * c2 - z * c1))
-            p1 = b - 2.0 * (w * c1 - (z * c0 - x * c2))
-            p2 = c - 2.0 * (w * c2 - (x * c1 - y * c0))
-            f0, f1, f2 = (
-                table[i, BORESIGHT],
-                table[i, BORESIGHT + 1],
-                table[i, BORESIGHT + 2],
-            )
-            u = p0 * f0 + p1 * f1 + p2 * f2
-            e0, e1, e2 = f1 * p2 - f2 * p1, f2 * p0 - f0 * p2, f0 * p1 - f1 * p0
-            sine = np.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
-            trace = -u
-            if table[i, KIND] == _KEEP_OUT:
-                V, V_1, V_2 = _keep_out(
-                    u, sine, 1.0, r, tau, table[i, RANGE_ON], table[i, RANGE_OFF], soft
-                )
-            else:
-                V, V_1, V_2 = 0.0, 0.0, 0.0
-        if table[i, GROUP] < 0:
-            total += V
-            G0 += V_1 * e0
-            G1 += V_1 * e1
-            G2 += V_1 * e2
-            k = V_1 * trace
-            H00 += V_2 * e0 * e0 + k + V_1 * p0 * f0
-            H11 += V_2 * e1 * e1 + k + V_1 * p1 * f1
-            H22 += V_2 * e2 * e2 + k + V_1 * p2 * f2
-            H01 += V_2 * e0 * e1 + 0.5 * V_1 * (p0 * f1 + p1 * f0)
-            H02 += V_2 * e0 * e2 + 0.5 * V_1 * (p0 * f2 + p2 * f0)
-            H12 += V_2 * e1 * e2 + 0.5 * V_1 * (p1 * f2 + p2 * f1)
+        part = _of_obstacle(table, i, time, q, soft) if exists(table, i, time) else _NOTHING
+        group = table[i, GROUP]
+        if group < 0.0:
+            total = _added(total, part)
             continue
-        if table[i, GROUP] != group:
-            group = table[i, GROUP]
-            top, weight, tau_group = -np.inf, 0.0, 0.0
-            g0, g1, g2 = 0.0, 0.0, 0.0
-            h00, h01, h02, h11, h12, h22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        # Margin m = (r^2 - d^2) / (2 r) of this member, by u.
-        beta = np.arctan2(sine, u)
-        A_1, A_2 = _square(beta, u, sine)
-        m = 0.5 * (r * r - beta * beta) / r
-        m_1, m_2 = -0.5 * A_1 / r, -0.5 * A_2 / r
-        # Weights of its gradient and of the square of its gradient in the group's sums.
-        if soft > 0.0:
-            if m > top:
-                rescale = np.exp((top - m) / width)
-                weight *= rescale
-                g0, g1, g2 = g0 * rescale, g1 * rescale, g2 * rescale
-                h00, h01, h02 = h00 * rescale, h01 * rescale, h02 * rescale
-                h11, h12, h22 = h11 * rescale, h12 * rescale, h22 * rescale
-                top = m
-            once = np.exp((m - top) / width)
-            twice = once / width
-            weight += once
-            tau_group = max(tau_group, tau)
-        elif m > 0.0:
-            once = m**3 / tau**2
-            twice = 3.0 * m**2 / tau**2
-            weight += once * m
-        else:
-            once, twice = 0.0, 0.0
-        k1 = once * m_1
-        k2 = once * m_2 + twice * m_1 * m_1
-        g0, g1, g2 = g0 + k1 * e0, g1 + k1 * e1, g2 + k1 * e2
-        h00 += k2 * e0 * e0 + k1 * (trace + p0 * f0)
-        h11 += k2 * e1 * e1 + k1 * (trace + p1 * f1)
-        h22 += k2 * e2 * e2 + k1 * (trace + p2 * f2)
-        h01 += k2 * e0 * e1 + 0.5 * k1 * (p0 * f1 + p1 * f0)
-        h02 += k2 * e0 * e2 + 0.5 * k1 * (p0 * f2 + p2 * f0)
-        h12 += k2 * e1 * e2 + 0.5 * k1 * (p1 * f2 + p2 * f1)
-        if i + 1 < n and table[i + 1, GROUP] == group:
+        member = _added(member, part)
+        more = i + 1 < n and table[i + 1, GROUP] == group
+        if more and table[i + 1, MEMBER] == table[i, MEMBER]:
             continue
-        # The last member: V by the sums. `first` multiplies the sums, `second` g g^T.
-        if soft > 0.0:
-            M = top + width * np.log(weight)
-            edge = max(M, soft)
-            V_edge = tau_group / (edge * edge)
-            V_M, V_MM = -2.0 * V_edge / edge, 6.0 * V_edge / (edge * edge)
-            du = M - edge
-            V = V_edge + du * (V_M + 0.5 * du * V_MM)
-            V_M += du * V_MM
-            first = V_M / weight
-            second = (V_MM - V_M / width) / (weight * weight)
-        elif weight > 0.0:
-            V = 1.0 / np.sqrt(weight)
-            first = -2.0 * V / weight
-            second = 12.0 * V / (weight * weight)
-        else:
-            V, first, second = np.inf, 0.0, 0.0
-        total += V
-        G0 += first * g0
-        G1 += first * g1
-        G2 += first * g2
-        H00 += first * h00 + second * g0 * g0
-        H11 += first * h11 + second * g1 * g1
-        H22 += first * h22 + second * g2 * g2
-        H01 += first * h01 + second * g0 * g1
-        H02 += first * h02 + second * g0 * g2
-        H12 += first * h12 + second * g1 * g2
-    return total, G0, G1, G2, H00, H11, H22, H01, H02, H12
+        weights = _added(weights, _weight(member))
+        member = _NOTHING
+        if not more:
+            total = _added(total, _united(weights))
+            weights = _NOTHING
+    return total
 
 
 @brief_kernel
@@ -283,8 +364,8 @@ def potential(table, time, x, y, z, w, soft):
 
     Parameters
     ----------
-    table : (n, 16)
-        Packed obstacles.
+    table : (n, WIDTH)
+        What is forbidden, in units of the duration.
     time
         Normalised time.
     x, y, z, w
@@ -301,14 +382,21 @@ def potential(table, time, x, y, z, w, soft):
     H00, H11, H22, H01, H02, H12
         Covariant Hessian.
     """
-    return _sum(table, time, x, y, z, w, soft)
+    return _sum(table, time, (x, y, z, w), soft)
 
 
 @brief_kernel
 def first_derivatives(table, time, x, y, z, w):
     """The potential and its body gradient alone: V, G0, G1, G2 as those of `potential`."""
-    V, G0, G1, G2 = _sum(table, time, x, y, z, w, 0.0)[:4]
+    V, G0, G1, G2 = _sum(table, time, (x, y, z, w), 0.0)[:4]
     return V, G0, G1, G2
+
+
+@inlined
+def _distance(table, i, place, q):
+    """Distance d [rad] of an attitude to obstacle i at a place, and the gradient of cos(d / m)."""
+    u, e, sine, m, _, _, _ = _seen(table, i, place, q)
+    return m * np.arctan2(sine, u), e
 
 
 @brief_kernel
@@ -319,22 +407,22 @@ def towards(table, i, time, x, y, z, w):
     -------
     d, and three components along the rotation (of no particular length).
     """
-    a, b, c, d = _placed(table, i, time)
-    if table[i, KIND] == _ORIENTATION:
-        u = x * a + y * b + z * c + w * d
-        sign = 1.0 if u >= 0.0 else -1.0
-        e0 = sign * (w * a - d * x - (y * c - z * b))
-        e1 = sign * (w * b - d * y - (z * a - x * c))
-        e2 = sign * (w * c - d * z - (x * b - y * a))
-        return 2.0 * np.arctan2(np.sqrt(e0 * e0 + e1 * e1 + e2 * e2), abs(u)), e0, e1, e2
-    c0, c1, c2 = y * c - z * b, z * a - x * c, x * b - y * a
-    p0 = a - 2.0 * (w * c0 - (y * c2 - z * c1))
-    p1 = b - 2.0 * (w * c1 - (z * c0 - x * c2))
-    p2 = c - 2.0 * (w * c2 - (x * c1 - y * c0))
-    f0, f1, f2 = table[i, BORESIGHT], table[i, BORESIGHT + 1], table[i, BORESIGHT + 2]
-    e0, e1, e2 = f1 * p2 - f2 * p1, f2 * p0 - f0 * p2, f0 * p1 - f1 * p0
-    cosine = p0 * f0 + p1 * f1 + p2 * f2
-    return np.arctan2(np.sqrt(e0 * e0 + e1 * e1 + e2 * e2), cosine), e0, e1, e2
+    place, _ = _placed(table, i, time)
+    d, e = _distance(table, i, place, (x, y, z, w))
+    return d, e[0], e[1], e[2]
+
+
+@brief_kernel
+def margin(table, i, time, x, y, z, w):
+    """Distance of an attitude to the edge of obstacle i [rad], negative where it is violated.
+
+    Where it does not exist pi, as far as can be.
+    """
+    if not exists(table, i, time):
+        return np.pi
+    place, r = _placed(table, i, time)
+    outside = _distance(table, i, place, (x, y, z, w))[0] - r
+    return -outside if table[i, KIND] == KEEP_IN else outside
 
 
 @kernel
@@ -343,7 +431,7 @@ def rounding(table, crossing, times, q):
 
     Parameters
     ----------
-    table : (n, 16)
+    table : (n, WIDTH)
     crossing : (n, M)
         Whether obstacle i may have its cut locus near interval k.
     times : (M, s)
@@ -355,14 +443,16 @@ def rounding(table, crossing, times, q):
     (M, s)
     """
     out = np.zeros(times.shape)
-    for i in range(table.shape[0]):
-        r, tau = table[i, RADIUS], table[i, STRENGTH]
+    for i in range(obstacle_count(table)):
+        tau = table[i, STRENGTH]
         for k in range(times.shape[0]):
             if not crossing[i, k]:
                 continue
             for j in range(times.shape[1]):
-                x, y, z, w = q[k, j]
-                d = towards(table, i, times[k, j], x, y, z, w)[0]
+                if not exists(table, i, times[k, j]):
+                    continue
+                place, r = _placed(table, i, times[k, j])
+                d = _distance(table, i, place, (q[k, j, 0], q[k, j, 1], q[k, j, 2], q[k, j, 3]))[0]
                 eta = np.pi - d
                 if eta < CUT_WIDTH:
                     out[k, j] += tau / (d - r) ** 2 - tau / (np.pi - _rounded(eta * eta) - r) ** 2
@@ -371,11 +461,10 @@ def rounding(table, crossing, times, q):
 
 @brief_kernel
 def row_margins(table, time, q):
-    """Margin of an attitude to each row's edge [rad], positive where allowed (n,)."""
-    out = np.empty(table.shape[0])
-    for i in range(table.shape[0]):
-        d = towards(table, i, time, q[0], q[1], q[2], q[3])[0]
-        out[i] = d - table[i, RADIUS] if table[i, GROUP] < 0.0 else table[i, RADIUS] - d
+    """Margin of an attitude to each obstacle's edge [rad], positive where allowed (n,)."""
+    out = np.empty(obstacle_count(table))
+    for i in range(out.size):
+        out[i] = margin(table, i, time, q[0], q[1], q[2], q[3])
     return out
 
 
@@ -383,20 +472,24 @@ def row_margins(table, time, q):
 def margins_along(table, time, q):
     """Least margin of attitudes (n, 4) to all forbidden sets at a time [rad], (n,).
 
-    Of a keep-in group the best member counts.
+    Of a group the best member counts, of a member its worst obstacle.
     """
     out = np.empty(q.shape[0])
-    n = table.shape[0]
+    n = obstacle_count(table)
     for k in range(q.shape[0]):
-        least, inside = np.inf, -np.inf
+        least, best, worst = np.inf, -np.inf, np.inf
         for i in range(n):
-            d = towards(table, i, time, q[k, 0], q[k, 1], q[k, 2], q[k, 3])[0]
-            if table[i, GROUP] < 0.0:
-                least = min(least, d - table[i, RADIUS])
+            own = margin(table, i, time, q[k, 0], q[k, 1], q[k, 2], q[k, 3])
+            group = table[i, GROUP]
+            if group < 0.0:
+                least = min(least, own)
                 continue
-            inside = max(inside, table[i, RADIUS] - d)
-            if i + 1 == n or table[i + 1, GROUP] != table[i, GROUP]:
-                least = min(least, inside)
-                inside = -np.inf
+            worst = min(worst, own)
+            more = i + 1 < n and table[i + 1, GROUP] == group
+            if more and table[i + 1, MEMBER] == table[i, MEMBER]:
+                continue
+            best, worst = max(best, worst), np.inf
+            if not more:
+                least, best = min(least, best), -np.inf
         out[k] = least
     return out

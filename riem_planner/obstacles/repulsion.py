@@ -52,10 +52,11 @@ def _taper(obstacle: Obstacle, d: Array) -> tuple[Array, Array]:
 def repulsion_of(obstacle: Obstacle, tau: float, R: Array, t: Array) -> tuple[Array, Array]:
     """Potential V (n,) of strength tau at attitudes (n, 3, 3) and times (n,), and `F` (n, 3).
 
-    Where the obstacle is violated V is infinite and F not a number.
+    Where the obstacle is violated V is infinite and F not a number; where it does not exist both
+    are zero.
     """
     d, w = distance_and_gradient(obstacle, R, t)
-    r = obstacle.radius
+    r = obstacle.radius_at(t)
     with np.errstate(all="ignore"):
         if isinstance(obstacle, Zone) and obstacle.kind == "keep_in":
             margin = (r - d) * (r + d) / (2.0 * r)
@@ -69,13 +70,16 @@ def repulsion_of(obstacle: Obstacle, tau: float, R: Array, t: Array) -> tuple[Ar
             F = ((0.5 * step_1 - step / margin) * own / d)[:, None] * w
     violated = margin <= 0.0
     V[violated], F[violated] = np.inf, np.nan
+    if obstacle.active:
+        absent = ~obstacle.active_at(t)
+        V[absent], F[absent] = 0.0, 0.0
     return V, F
 
 
 def united(members: list[tuple[Array, Array]]) -> tuple[Array, Array]:
     """Potential (n,) and force (n, 3) of a group from those of its members.
 
-    Infinite, and not a number, only where all of them are violated.
+    Infinite, and not a number, only where all of them are violated; zero where one repels not.
     """
     if len(members) == 1:
         return members[0]
@@ -86,4 +90,5 @@ def united(members: list[tuple[Array, Array]]) -> tuple[Array, Array]:
         shares = np.where(np.isinf(V)[..., None], 0.0, V[..., None] ** -3.0 * F)
         potential = S**-0.5
         force = (S**-1.5)[:, None] * np.sum(shares, axis=0)
+    force[np.any(V == 0.0, axis=0)] = 0.0
     return potential, force

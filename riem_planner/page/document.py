@@ -174,14 +174,18 @@ def _forbidden(obstacle: OrientationObstacle | Zone, duration: float) -> dict[st
     entry: dict[str, Any] = {"name": str(obstacle.name), "kind": obstacle.kind}
     if isinstance(obstacle, OrientationObstacle):
         return entry | {"set": str(obstacle.name), "radius_deg": math.degrees(obstacle.radius)}
-    moves = bool(np.any(obstacle.rate)) and math.isfinite(duration)
+    moves = obstacle.moves and math.isfinite(duration)
     times = np.linspace(0.0, duration, _PLACES) if moves else np.zeros(1)
+    if obstacle.active:
+        entry["active"] = [list(window) for window in obstacle.active]
     return entry | {
         "set": str(obstacle.name if obstacle.group is None else obstacle.group),
         "boresight": np.asarray(obstacle.boresight).tolist(),
         "times": _rounded(times),
         "directions": np.round(obstacle.direction_at(times), 7).tolist(),
-        "half_angles": [obstacle.half_angle],
+        "half_angles": np.round(obstacle.radius_at(times), 7).tolist()
+        if np.ndim(obstacle.half_angle)
+        else [obstacle.half_angle],
     }
 
 

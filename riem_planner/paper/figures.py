@@ -128,7 +128,7 @@ def columns(picture: Picture) -> list[tuple[Array, list[tuple[str, Curve]]]]:
     literal += [(_label(tau), paper.paper_literal(example, tau, lift)) for tau in taus]
     free = paper.corrected(example, 0.0)
     on_path = paper.boundary_value_problem(example, 1.0).obstacles[0]
-    direction = on_path.direction  # type: ignore[union-attr]
+    direction = on_path.direction_at(0.0)  # type: ignore[union-attr]
     initial = [(picture.free, free)]
     initial += [(_label(tau), paper.corrected(example, tau, direction)) for tau in taus]
     boundary = [(picture.free, free)]
@@ -290,7 +290,7 @@ def table() -> list[Row]:
     for picture in PICTURES:
         example, name = picture.example, picture.free
         problem = paper.boundary_value_problem(example, 1.0)
-        place = problem.obstacles[0].direction  # type: ignore[union-attr]
+        place = problem.obstacles[0].direction_at(0.0)  # type: ignore[union-attr]
         for tau in picture.strengths:
             initial = paper.corrected(example, tau, place)
             rows.append(

@@ -134,7 +134,7 @@ def _draw_sphere(
     attitudes = trajectory.evaluate(times)[0]
     straight_attitudes = straight.evaluate(times)[0]
     boresights = _boresights(problem)
-    zone_axes = [o.direction for o in problem.obstacles if isinstance(o, Zone)]
+    zone_axes = [o.direction_at(0.0) for o in problem.obstacles if isinstance(o, Zone)]
     first = attitudes @ boresights[0][0]
     frames = view_frames(np.vstack([first, *[np.tile(axis, (40, 1)) for axis in zone_axes[:1]]]))
     entries = min(len({_place(o) for o in problem.obstacles}), _MOST + 1) + len(boresights) + 3
@@ -232,7 +232,8 @@ def _place(obstacle: Any) -> tuple[Any, ...]:
     """What two zones share that look the same on the sphere."""
     if isinstance(obstacle, OrientationObstacle):
         return ("orientation", *obstacle.orientation.ravel())
-    return (obstacle.kind, round(obstacle.half_angle, 9), *np.round(obstacle.direction, 6))
+    radius, axis = float(obstacle.radius_at(0.0)), obstacle.direction_at(0.0)
+    return (obstacle.kind, round(radius, 9), *np.round(axis, 6))
 
 
 def _draw_zone(view: SphereView, rim: Any, zone: Zone, letter: str, duration: float) -> None:
@@ -240,22 +241,28 @@ def _draw_zone(view: SphereView, rim: Any, zone: Zone, letter: str, duration: fl
     fill = {"colors": "none", "hatches": ["////"]} if out else {"colors": ["0.94"]}
     edge: dict[str, Any] = {"colors": "0.25" if out else "0.45", "linewidths": 1.1, "zorder": 2}
     edge["linestyles"] = "solid" if out else "dashed"
-    axis = zone.direction
-    if zone.half_angle == 0.0:
+    axis, radius = zone.direction_at(0.0), float(zone.radius_at(0.0))
+    if radius == 0.0:
         view.point(axis, marker="x", markersize=6, color="0.25", zorder=3)
         view.text(_beside(view, axis), letter, **_LETTER)
         return
-    view.cap(axis, zone.half_angle, rim, fill=fill | {"zorder": 1 if out else 0.5}, edge=edge)
-    if np.any(zone.rate):
+    view.cap(axis, radius, rim, fill=fill | {"zorder": 1 if out else 0.5}, edge=edge)
+    if zone.greatest_speed > 0.0:
         end = zone.direction_at(duration)
-        view.cap(end, zone.half_angle, rim, fill=None, edge=edge | {"linestyles": "dotted"})
+        view.cap(
+            end,
+            float(zone.radius_at(duration)),
+            rim,
+            fill=None,
+            edge=edge | {"linestyles": "dotted"},
+        )
         view.line(
             zone.direction_at(np.linspace(0.0, duration, 61)), color="0.25", linestyle=":",
             linewidth=0.9,
         )  # fmt: skip
     if not out:
-        axis = _on_edge(view, axis, zone.half_angle)
-    elif zone.half_angle < _SMALL:
+        axis = _on_edge(view, axis, radius)
+    elif radius < _SMALL:
         axis = _beside(view, axis)
     view.text(axis, letter, **_LETTER)
 

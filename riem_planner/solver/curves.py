@@ -6,8 +6,16 @@ import numpy as np
 
 from riem_planner.geometry.quaternions import ratio, relative, tilt, turn
 from riem_planner.kernels import brief_kernel, inlined, kernel
-from riem_planner.obstacles.potential import CUT_WIDTH, margins_along, potential, towards
-from riem_planner.obstacles.table import GROUP, RADIUS, RANGE_ON, RATE
+from riem_planner.obstacles.potential import (
+    CUT_WIDTH,
+    exists,
+    margin,
+    margins_along,
+    obstacle_count,
+    potential,
+    towards,
+)
+from riem_planner.obstacles.table import FROM, GROUP, KEEP_IN, KIND, RANGE_ON, SPEED, UNTIL
 from riem_planner.solver.ends import FIXED, arrival_rate
 
 _PARTS = 8  # of an interval, where obstacles are looked for
@@ -55,6 +63,35 @@ def _weights(t, nodes, count, C):
         c1 = c2
 
 
+@inlined
+def _has_cut(table, i):
+    """Whether the potential of obstacle i has a kink where its distance is pi."""
+    kept_out = table[i, GROUP] < 0.0 and table[i, KIND] != KEEP_IN
+    return kept_out and table[i, RANGE_ON] == np.inf
+
+
+@inlined
+def _with_edges(table, mesh):
+    """A mesh with nodes where obstacles begin or cease to exist: there the potential jumps."""
+    n = obstacle_count(table)
+    size = mesh.size
+    out = np.empty(size + 2 * n)
+    out[:size] = mesh
+    for i in range(n):
+        for column in (FROM, UNTIL):
+            edge = table[i, column]
+            if not (mesh[0] < edge < mesh[-1]):
+                continue
+            k = np.searchsorted(out[:size], edge)
+            if edge == out[k]:
+                continue
+            for m in range(size, k, -1):
+                out[m] = out[m - 1]
+            out[k] = edge
+            size += 1
+    return out[:size]
+
+
 @kernel
 def mesh_and_states(pointing, table, times, q, start, goal, interval, least, most):
     """Shooting mesh fitted to a discretised curve, and the states of the curve on it.
@@ -98,8 +135,8 @@ def mesh_and_states(pointing, table, times, q, start, goal, interval, least, mos
             size = h00**2 + h11**2 + h22**2 + 2.0 * (h01**2 + h02**2 + h12**2)
             density[k] += 0.5 * speed * slope / V + (0.25 * size) ** 0.125
         cut = np.pi
-        for i in range(table.shape[0]):
-            if table[i, GROUP] < 0.0 and table[i, RANGE_ON] == np.inf:
+        for i in range(obstacle_count(table)):
+            if _has_cut(table, i) and exists(table, i, times[k]):
                 d = towards(table, i, times[k], q[k, 0], q[k, 1], q[k, 2], q[k, 3])[0]
                 cut = min(cut, np.pi - d)
         density[k] += 4.0 * speed * CUT_WIDTH / (cut + CUT_WIDTH) ** 2
@@ -117,6 +154,8 @@ def mesh_and_states(pointing, table, times, q, start, goal, interval, least, mos
             k += 1
         share = (target - total[k]) / (total[k + 1] - total[k])
         mesh[i] = times[k] + share * (times[k + 1] - times[k])
+    mesh = _with_edges(table, mesh)
+    M = mesh.size - 1
 
     states = np.empty((M + 1, 13))
     count = min(6, n + 1)
@@ -272,6 +311,8 @@ def reflect(pointing, table, i, times, q, out):
     nearest, least = 0, np.inf
     axis = np.zeros(3)
     for k in range(1, n):
+        if not exists(table, i, times[k]):
+            continue
         d, x, y, z = towards(table, i, times[k], q[k, 0], q[k, 1], q[k, 2], q[k, 3])
         if d < least:
             nearest, least = k, d
@@ -279,7 +320,11 @@ def reflect(pointing, table, i, times, q, out):
     if pointing:
         axis[2] = 0.0
     length = np.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
-    if not (length > 0.0 and least - table[i, RADIUS] < _NEAR):
+    if not length > 0.0:
+        return False
+    y = q[nearest]
+    clear = margin(table, i, times[nearest], y[0], y[1], y[2], y[3])
+    if not (clear if table[i, KIND] != KEEP_IN else -clear) < _NEAR:
         return False
     angle = 2.0 * max(least, 0.02)
     peak = times[nearest]
@@ -310,18 +355,18 @@ def coarseness(table, times, q):
     for k in range(q.shape[0] - 1):
         relative(q[k], q[k + 1], xi)
         angle = np.sqrt(xi[0] ** 2 + xi[1] ** 2 + xi[2] ** 2)
-        margin = np.pi
+        clear = np.pi
         for part in range(_PARTS):
-            if part == 1 and angle < margin:
+            if part == 1 and angle < clear:
                 break
             share = part / _PARTS
             turn(q[k], xi, share, between)
             t = times[k] + share * (times[k + 1] - times[k])
             least = min(np.pi, margins_along(table, t, between.reshape(1, 4))[0])
             if part == 0:
-                margin = least
+                clear = least
             depth = max(depth, -least)
-        ratio = max(ratio, angle / max(margin, 1e-9))
+        ratio = max(ratio, angle / max(clear, 1e-9))
     return ratio, depth
 
 
@@ -349,11 +394,11 @@ def crosses_cut(table, times, states):
     states : (M + 1, 13)
     """
     M = times.size - 1
-    near = np.zeros((table.shape[0], M), dtype=np.bool_)
-    for i in range(table.shape[0]):
-        if table[i, GROUP] >= 0.0 or table[i, RANGE_ON] < np.inf:
+    near = np.zeros((obstacle_count(table), M), dtype=np.bool_)
+    for i in range(obstacle_count(table)):
+        if not _has_cut(table, i):
             continue
-        turning = np.sqrt(table[i, RATE] ** 2 + table[i, RATE + 1] ** 2 + table[i, RATE + 2] ** 2)
+        turning = table[i, SPEED]
         before = 0.0
         for k in range(M + 1):
             y = states[k]
@@ -364,7 +409,8 @@ def crosses_cut(table, times, states):
                     np.sqrt(states[k - 1, 4] ** 2 + states[k - 1, 5] ** 2 + states[k - 1, 6] ** 2),
                 )
                 reach = 0.5 * (before + d + speed * (times[k] - times[k - 1]))
-                if reach > np.pi - CUT_WIDTH:
+                present = table[i, FROM] < times[k] and table[i, UNTIL] > times[k - 1]
+                if present and reach > np.pi - CUT_WIDTH:
                     near[i, k - 1] = True
             before = d
     return near

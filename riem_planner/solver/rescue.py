@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from riem_planner.geometry import so3
 from riem_planner.obstacles.potential import potential, row_margins
-from riem_planner.obstacles.table import GROUP, RADIUS, STRENGTH
+from riem_planner.obstacles.table import KEEP_IN, KIND, PATH, RADIUS, STRENGTH, obstacle_rows
 from riem_planner.solver import curves
 from riem_planner.solver.extremal import Extremal, extremal_near
 from riem_planner.solver.search import Curve, Search, global_search
@@ -113,11 +113,12 @@ def thinnest_layer(setup: Setup) -> float:
 def _with_room(setup: Setup) -> Setup:
     """The problem with smaller zones where an end is near an edge, so that nodes see it left."""
     table = setup.table.copy()
+    rows = obstacle_rows(table)
     for time, end in ((0.0, setup.start), (1.0, setup.goal)):
         lack = _ROOM - row_margins(table, time, end)
-        # Of a keep-in group only the members that hold the end.
-        near = (lack > 0.0) & (lack < _ROOM)
-        table[near, RADIUS] += np.where(table[near, GROUP] < 0.0, -lack[near], lack[near])
+        # Of a group only the zones that are kept; the size of what moves along samples stays.
+        near = (lack > 0.0) & (lack < _ROOM) & (rows[:, PATH] < 0.0)
+        rows[near, RADIUS] += np.where(rows[near, KIND] == KEEP_IN, lack[near], -lack[near])
     return setup._replace(table=table)
 
 
@@ -197,5 +198,5 @@ def _followed_down(
 
 def _with_strength(setup: Setup, factor: float) -> Setup:
     table = setup.table.copy()
-    table[:, STRENGTH] *= factor
+    obstacle_rows(table)[:, STRENGTH] *= factor
     return setup._replace(table=table)

@@ -16,7 +16,15 @@ from scipy.spatial import cKDTree
 
 from riem_planner.geometry import so3
 from riem_planner.obstacles.potential import margins_along
-from riem_planner.obstacles.table import BORESIGHT, GROUP, PLACE, RADIUS
+from riem_planner.obstacles.table import (
+    BORESIGHT,
+    KEEP_IN,
+    KIND,
+    PATH,
+    PLACE,
+    RADIUS,
+    obstacle_rows,
+)
 from riem_planner.solver.setup import Setup
 from riem_planner.solver.watch import Watch
 
@@ -103,7 +111,8 @@ def _inside_members(table: Array) -> list[Array]:
     # The sequence of least discrepancy in three dimensions by powers of the plastic number.
     u = (k * 1.2207440846057596 ** -np.arange(1.0, 4.0)) % 1.0
     found = []
-    for row in table[table[:, GROUP] >= 0.0]:
+    rows = obstacle_rows(table)
+    for row in rows[(rows[:, KIND] == KEEP_IN) & (rows[:, PATH] < 0.0)]:
         s, b = row[PLACE : PLACE + 3], row[BORESIGHT : BORESIGHT + 3]
         cosine = 1.0 - u[:, 0] * (1.0 - np.cos(row[RADIUS]))
         sine = np.sqrt(1.0 - cosine**2)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riem_planner.geometry import so3, sphere
-from riem_planner.obstacles.table import RADIUS, RATE
+from riem_planner.obstacles.table import RADIUS, depends_on_time, obstacle_rows
 from riem_planner.solver import curves
 from riem_planner.solver.descent import SADDLES, begin_stage, descend, fresh_memory
 from riem_planner.solver.guesses import Guesses, all_guesses, ways_round
@@ -239,7 +239,7 @@ class Search:
     @property
     def softs(self) -> tuple[float, ...]:
         """Margins over which the potentials harden, from a first guess that may violate them."""
-        zones = bool(np.any(self.setup.table[:, RADIUS] > 0.0))
+        zones = bool(np.any(obstacle_rows(self.setup.table)[:, RADIUS] > 0.0))
         return _SOFT_ZONES if zones else _SOFT_POINTS
 
     def cross_obstacles(self, most: int) -> None:
@@ -251,7 +251,7 @@ class Search:
             if curve is None:
                 break
             crossed.append(curve)
-            for i in range(self.setup.table.shape[0]):
+            for i in range(len(obstacle_rows(self.setup.table))):
                 q = self.reflected(curve, i)
                 if q is None:
                     continue
@@ -343,7 +343,7 @@ def roadmap_search(setup: Setup, watch: Watch) -> Search:
     from riem_planner.solver.roadmap import roadmap_curves
     from riem_planner.solver.timed_roadmap import timed_curves
 
-    moving = bool(np.any(setup.table[:, RATE : RATE + 3] != 0.0))
+    moving = depends_on_time(setup.table)
     times, paths = (timed_curves if moving else roadmap_curves)(setup, watch)
     found = Search(setup, watch, times)
     for q in paths:

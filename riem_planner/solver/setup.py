@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from riem_planner.geometry import so3
 from riem_planner.hold import hold_nodes
-from riem_planner.obstacles.table import BORESIGHT, KIND, ORIENTATION, PLACE
+from riem_planner.obstacles.table import BORESIGHT, KIND, ORIENTATION, PLACE, obstacle_rows
 from riem_planner.problem import S2, Problem, State
 from riem_planner.solver.curves import lift
 from riem_planner.solver.ends import FIXED, settled
@@ -28,8 +28,8 @@ class Setup(NamedTuple):
     ----------
     pointing
         Whether the space is S^2.
-    table : (n, 16)
-        Packed obstacles.
+    table : (n, WIDTH)
+        What is forbidden.
     sigma
         `sigma T^2`.
     start : (7,)
@@ -110,11 +110,12 @@ def set_up(problem: Problem) -> Setup:
 
 def _turned(table: Array, body: Array, to_body: Array) -> Array:
     """A packed table for body axes turned by `body`."""
-    attitudes = table[:, KIND] == ORIENTATION
-    table[attitudes, PLACE : PLACE + 4] = so3.quaternion_multiply(
-        table[attitudes, PLACE : PLACE + 4], body
+    rows = obstacle_rows(table)
+    attitudes = rows[:, KIND] == ORIENTATION
+    rows[attitudes, PLACE : PLACE + 4] = so3.quaternion_multiply(
+        rows[attitudes, PLACE : PLACE + 4], body
     )
-    table[:, BORESIGHT : BORESIGHT + 3] = table[:, BORESIGHT : BORESIGHT + 3] @ to_body.T
+    rows[:, BORESIGHT : BORESIGHT + 3] = rows[:, BORESIGHT : BORESIGHT + 3] @ to_body.T
     return table
 
 

@@ -22,6 +22,10 @@ from riem_planner.obstacles.potential import first_derivatives, potential
 from riem_planner.solver.dop853 import NODES, STAGE_WEIGHTS, STAGES, WEIGHTS
 from riem_planner.solver.ends import goal_conditions
 
+# Of a step, by which its first and last stages lie within it: an obstacle that begins or ceases to
+# exist at a node counts on one side of it.
+_INSIDE = 1e-11
+_TIMES = np.clip(NODES, _INSIDE, 1.0 - _INSIDE)
 _COLUMNS = 8  # a basis of at most 6, and two particular solutions
 _SIZE = 12 * _COLUMNS
 # Of the greatest pivot: what is weak is nearly singular; what is singular is left open, and where
@@ -148,7 +152,7 @@ def _step(pointing, table, sigma, time, h, y, W, linear, work):
             if f != 0.0:
                 for i in range(_WIDTH):
                     stage[i] += f * k[r, i]
-        _derivative(pointing, table, sigma, time + NODES[s] * h, stage, linear, dF, k[s])
+        _derivative(pointing, table, sigma, time + _TIMES[s] * h, stage, linear, dF, k[s])
         if linear:
             for i in range(_SIZE):
                 stage_W[i] = W[i]
@@ -219,7 +223,8 @@ def measure(pointing, table, sigma, times, states, defects, middles, costs, inte
         _step(pointing, table, sigma, times[k] + h, h, y, W, False, work)
         for i in range(3):
             bend[i] -= 2.0 * first[10 + i]
-        _derivative(pointing, table, sigma, times[k + 1], y, False, work[4], first)
+        end = times[k + 1] - _INSIDE * h
+        _derivative(pointing, table, sigma, end, y, False, work[4], first)
         # A quintic's error is h^6 / 46080 times the sixth derivative, here by a second
         # difference of the fourth.
         for i in range(3):

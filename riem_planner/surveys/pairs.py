@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from riem_planner.certificate.interval import norm, quaternion_times, rotated
+from riem_planner.certificate.interval import quaternion_times, rotated
+from riem_planner.geometry.vectors import norm
 from riem_planner.kernels import inlined, kernel
 from riem_planner.surveys.arcs import (
     COARSE,

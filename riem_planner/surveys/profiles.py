@@ -29,7 +29,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riem_planner.certificate.interval import cross, norm
+from riem_planner.geometry.vectors import cross, norm
 from riem_planner.kernels import inlined, kernel
 
 FASTEST, SMOOTH = 0, 1

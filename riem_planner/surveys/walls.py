@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from riem_planner.certificate.interval import cross, norm
+from riem_planner.geometry.vectors import cross, norm
 from riem_planner.kernels import inlined, kernel
 from riem_planner.surveys.screen import angle_between, dot
 

@@ -221,9 +221,6 @@ WRONG = {
     "missing orientation": (["goal", "orientation"], ..., "goal.orientation", ["missing"]),
     "missing kind": ([*OBSTACLE, "kind"], ..., "obstacles[1].kind", ["missing", "keep_out"]),
     "missing direction": ([*OBSTACLE, "direction"], ..., "obstacles[1].direction", ["missing"]),
-    "missing strength": (
-        [*OBSTACLE, "normalized_strength"], ..., "obstacles[1].strength", ["neither"],
-    ),
     "two strengths": ([*OBSTACLE, "strength"], 1.0, "obstacles[1].strength", ["both"]),
     "keep_in without angle": (
         ["obstacles", 2, "half_angle_deg"], ..., "obstacles[2].half_angle_deg", ["missing"],

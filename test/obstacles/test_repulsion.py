@@ -5,6 +5,7 @@ import pytest
 
 from riem_planner import S2, SO3, OrientationObstacle, Problem, State, Zone
 from riem_planner.geometry import so3
+from riem_planner.geometry.paths import Path
 from riem_planner.obstacles.potential import potential
 from riem_planner.obstacles.repulsion import distance_and_gradient
 
@@ -19,6 +20,18 @@ OBSTACLES = {
         Zone([0.2, 0.4, -0.3], 2.4, [0, 0, 1], kind="keep_in", group="g", strength=0.7),
     ),
 }
+TIMES = np.linspace(0.0, 3.0, 7)
+PATH = Path(TIMES, [so3.exp([0.1 * t * t, 0.3 * t, 0.0]) @ [0.0, 1.0, 0.3] for t in TIMES])
+OBSTACLES["path"] = (Zone(PATH, 0.3, [1.0, 2.0, 0.0], normalized_strength=2.0),)
+OBSTACLES["changing"] = (Zone(PATH, 0.3 + 0.1 * np.sin(TIMES), [0, 1, 1], strength=0.4),)
+OBSTACLES["window"] = (Zone([0.0, 1.0, 0.3], 0.3, strength=0.3, active=((0.5, 1.0), (1.7, 2.6))),)
+OBSTACLES["kept out"] = (
+    Zone(PATH, 0.3, [1, 0, 0], group="t", member="a", strength=0.3),
+    Zone([0.5, 1.0, 0.3], 0.2, [1, 0, 0], group="t", member="a", strength=0.6),
+    Zone([0.5, -1.0, 0.3], 0.5, [0, 1, 0], group="t", member="b", strength=0.2),
+    Zone([0.5, -1.0, 0.9], 2.8, [0, 1, 1], group="t", member="b", kind="keep_in", strength=0.2),
+    Zone([0.5, 1.0, 0.3], 0.9, [0, 0, 1], group="t", strength=0.3, active=((1.0, 2.0),)),
+)
 OBSTACLES["all"] = sum(OBSTACLES.values(), ())
 
 
