@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -74,6 +75,19 @@ class OrientationObstacle(Repelling):
     rate: Array = field(default_factory=lambda: np.zeros(3))
     range: tuple[float, float] | None = None
     name: str | None = None
+
+    if TYPE_CHECKING:  # what may be given, where the fields are what comes of it
+
+        def __init__(
+            self,
+            orientation: ArrayLike,
+            strength: float | None = None,
+            normalized_strength: float | None = None,
+            radius: float = 0.0,
+            rate: ArrayLike = ...,
+            range: tuple[float, float] | None = None,
+            name: str | None = None,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         """Validate and freeze."""
@@ -151,6 +165,24 @@ class Zone(Repelling):
     active: tuple[tuple[float, float], ...] = ()
     member: str | None = None
     size_coefficients: Array = field(init=False, repr=False)
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            direction: ArrayLike | Turning | Path,
+            half_angle: ArrayLike,
+            boresight: ArrayLike | None = None,
+            strength: float | None = None,
+            normalized_strength: float | None = None,
+            kind: Literal["keep_out", "keep_in"] = "keep_out",
+            group: str | None = None,
+            rate: ArrayLike = ...,
+            range: tuple[float, float] | None = None,
+            name: str | None = None,
+            active: Sequence[tuple[float, float]] = (),
+            member: str | None = None,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         """Validate and freeze."""
