@@ -38,6 +38,10 @@ SURVEYS_READY := $(SURVEYS)/.ready-$(shell cksum < requirements-surveys.txt | cu
 SKY := .venv-sky
 SKY_READY := $(SKY)/.ready-$(shell cksum < requirements-sky.txt | cut -d' ' -f1)
 
+# Fuzzing needs a library that is built for few versions of Python.
+FUZZ := .venv-fuzz
+FUZZ_READY := $(FUZZ)/.ready-$(shell cksum < requirements-fuzz.txt | cut -d' ' -f1)
+
 # Nothing leaves this machine. The wheels of PyPI don't announce where they are installed.
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 export ROS_DOMAIN_ID ?= $(shell echo $$(($$PPID % 101 + 1)))
@@ -45,7 +49,7 @@ export ROS_PYTHON_CHECK_FIELDS ?= 1
 export ROS_LOG_DIR ?= $(CURDIR)/log/ros
 export AMENT_PREFIX_PATH := $(CURDIR)/$(VENV)$(if $(AMENT_PREFIX_PATH),:$(AMENT_PREFIX_PATH))
 
-.PHONY: run test bench surveys sky basilisk lint figures soak clean setup docs picture
+.PHONY: trust sbom dossier mutation fuzz run test bench surveys sky basilisk lint figures soak clean setup docs picture
 .DEFAULT_GOAL := run
 
 # In a terminal the demonstration gets Ctrl-C for itself, so that its exit code is make's.
@@ -90,6 +94,29 @@ picture: $(READY)
 		--output plan.json --html page.html
 	@$(PY) docs/moving_picture.py page.html docs/pictures/slew.gif
 
+trust: $(READY)
+	@$(PY) -m trust.matrix $(ARGS)
+
+sbom: $(READY)
+	@mkdir -p build
+	@$(PY) -m trust.sbom build/sbom.json && echo build/sbom.json
+
+dossier: $(READY)
+	@mkdir -p build
+	@$(PY) -m trust.matrix
+	@$(PY) -m trust.dossier build/dossier.zip && echo build/dossier.zip
+
+# A sample of the mutants of the checker, by default; FILE, TESTS and ARGS choose others, and more.
+FILE ?= riem_planner/proof/check.py
+TESTS ?= --test test/proof/test_check.py
+mutation: $(READY)
+	@mkdir -p build
+	@$(PY) -m trust.mutation $(FILE) $(TESTS) --most 100 $(ARGS) | tee build/mutation.txt
+
+fuzz: $(FUZZ_READY)
+	@for reader in problem plan proof; do \
+		$(FUZZ)/bin/python -m trust.fuzz $$reader -max_total_time=60 $(ARGS) || exit 1; done
+
 setup: $(READY)
 	@echo "$(VENV) is ready"
 
@@ -124,6 +151,13 @@ $(DOCS_READY): $(READY)
 	@echo "setting up the documentation's builder, once"
 	@$(PY) -m pip install --quiet --disable-pip-version-check -r requirements-docs.txt
 	@rm -f $(VENV)/.docs-*
+	@touch $@
+
+$(FUZZ_READY):
+	@echo "setting up $(FUZZ), once"
+	@[ -x $(FUZZ)/bin/python ] || $(PYTHON) -m venv $(FUZZ)
+	@$(FUZZ)/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-fuzz.txt
+	@rm -f $(FUZZ)/.ready-*
 	@touch $@
 
 $(BASILISK_READY):

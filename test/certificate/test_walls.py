@@ -39,6 +39,7 @@ APART = 2 * np.arcsin(np.sin(0.8) * np.sin(np.pi / 12))
 
 
 @pytest.mark.parametrize("space", [S2, SO3])
+@pytest.mark.requirement("RP-023")
 def test_a_closed_ring_is_a_wall_that_the_checker_proves(space):
     sealed = problem(ring(12, 0.5 * APART + 1e-6), space)
     solution = solve(sealed)
@@ -75,6 +76,7 @@ def test_a_keep_in_zone_is_the_wall_of_its_complement():
 
 
 @pytest.mark.parametrize("change", ["gap", "dropped", "misnamed", "moving", "grouped"])
+@pytest.mark.requirement("RP-023")
 def test_false_walls_are_not_accepted(change):
     zones = ring(12, 0.5 * APART + 1e-6)
     wall = list(find_wall(problem(zones)))
@@ -104,6 +106,7 @@ def test_a_wall_does_not_part_a_goal_that_is_on_the_side_of_the_start():
         check.examine(json.dumps(near), json.dumps(plan))
 
 
+@pytest.mark.requirement("RP-023")
 def test_only_a_wall_is_called_sealed():
     closed_by_two_boresights = [
         Zone((0.0, 0.0, -1.0), 1.2, name="a", normalized_strength=0.01),

@@ -10,6 +10,7 @@ os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 os.environ.setdefault("ROS_DOMAIN_ID", str(os.getpid() % 101 + 1))
 
 
+@pytest.mark.requirement("RP-025")
 def test_a_spoiled_stream_on_topics_is_told_and_latched(tmp_path, monkeypatch):
     pytest.importorskip("rclpy")
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))

@@ -50,6 +50,7 @@ def ready(until=8.0, rules=RULES):
     return monitor
 
 
+@pytest.mark.requirement("RP-017")
 def test_an_honest_stream_breaks_nothing():
     monitor = ready(T + 5.0)
     assert monitor.setpoints == 1250
@@ -76,6 +77,7 @@ def turned(k, angle):
     ("M5", [spoiled(0, a=(0.0, 0.0, 0.1 / 3 + 1e-6))]),
     ("M6", [turned(0, 2e-6), turned(1, 2e-6)]),
 ])  # fmt: skip
+@pytest.mark.requirement("RP-017")
 def test_a_spoiled_stream_is_found_within_two_setpoints(sentence, stream):
     monitor = ready()
     for setpoint in stream:
@@ -106,6 +108,7 @@ def test_of_a_group_one_member_is_enough():
     assert monitor.verdict.sentence == "M4"
 
 
+@pytest.mark.requirement("RP-018")
 def test_a_stop_that_is_announced_must_end_in_time():
     monitor = ready()
     monitor.status(
@@ -115,6 +118,7 @@ def test_a_stop_that_is_announced_must_end_in_time():
     assert [violation.sentence for violation in monitor.violations] == ["M7"]
 
 
+@pytest.mark.requirement("RP-018")
 def test_a_stop_that_ends_in_time_is_honest():
     monitor = ready(T - 1.0)
     monitor.status(
@@ -125,6 +129,7 @@ def test_a_stop_that_ends_in_time_is_honest():
 
 
 @pytest.mark.parametrize(("warns", "expected"), [(False, ["M8"]), (True, [])])
+@pytest.mark.requirement("RP-019")
 def test_an_input_that_falls_silent_must_be_warned_of(warns, expected):
     monitor = ready()
     monitor.zone("sun", (0.0, 0.0, 1.0), 8 * SECOND, 8 * SECOND)
@@ -157,6 +162,7 @@ def test_every_sentence_is_stated():
     assert list(SENTENCES) == [f"M{i}" for i in range(1, 9)]
 
 
+@pytest.mark.requirement("RP-024")
 def test_it_shares_nothing_with_what_it_judges():
     for path in Path(riem_planner.monitor.__file__).parent.glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):

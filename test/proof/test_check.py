@@ -76,12 +76,14 @@ ON_THE_WAY, OFF_THE_WAY = 30.0, 80.0  # the sweep ends at 57.3 degrees
 
 
 @pytest.mark.parametrize("seed", range(10))
+@pytest.mark.requirement("RP-020")
 def test_honest_plans_are_proven_with_edges_and_claims_a_nanoradian_away(seed):
     case = plans.honest(np.random.default_rng(seed), samples=6)
     assert verdict(*case.texts())[0] == "proven", verdict(*case.texts())
 
 
 @pytest.mark.parametrize("seed", range(24))
+@pytest.mark.requirement("RP-010", "RP-020")
 def test_false_plans_are_refuted_from_a_nanoradian_on(seed):
     case, kind = plans.false(np.random.default_rng(seed), samples=6)
     assert word(*case.texts()) == "refuted", kind
@@ -122,6 +124,7 @@ def test_a_plan_means_the_curve_that_setpoints_are_sampled_from(seed):
             assert np.allclose(size * mine, size * value, rtol=0.0, atol=1e-10)
 
 
+@pytest.mark.requirement("RP-010")
 def test_a_zone_is_kept_or_entered():
     assert word(asked(cone(OFF_THE_WAY)), slew()) == "proven"
     told = verdict(asked(cone(ON_THE_WAY)), slew())
@@ -136,6 +139,7 @@ def test_a_zone_is_kept_or_entered():
     ([[0.0, 10.0]], "refuted"),
     ([], "proven"),
 ])  # fmt: skip
+@pytest.mark.requirement("RP-013")
 def test_a_zone_counts_only_in_its_windows(windows, expected):
     assert word(asked(cone(ON_THE_WAY, active=windows)), slew()) == expected
 
@@ -149,6 +153,7 @@ def member(name, group, member, degrees, **more):
     return cone(degrees, name=name, group=group, member=member, **more)
 
 
+@pytest.mark.requirement("RP-012")
 def test_of_a_group_one_member_must_be_kept_whole():
     on, off = ON_THE_WAY, OFF_THE_WAY
     whole = [member("a", "g", "1", on), member("b", "g", "2", off), member("c", "g", "2", off)]
@@ -159,6 +164,7 @@ def test_of_a_group_one_member_must_be_kept_whole():
     assert word(asked(*alone), slew()) == "proven"
 
 
+@pytest.mark.requirement("RP-012")
 def test_members_may_take_turns():
     early = cone(5.0, name="early", group="g", half_angle_deg=20.0)
     late = cone(50.0, name="late", group="g", half_angle_deg=20.0)
@@ -167,6 +173,7 @@ def test_members_may_take_turns():
 
 
 @pytest.mark.parametrize(("degrees", "expected"), [(3.01, "refuted"), (2.99, "proven")])
+@pytest.mark.requirement("RP-013")
 def test_a_zone_that_moves_along_samples_is_met_where_it_is_then(degrees, expected):
     # Its direction runs against the sweep, 13 degrees above the plane of it.
     t = np.linspace(0.0, T, 9)
@@ -177,6 +184,7 @@ def test_a_zone_that_moves_along_samples_is_met_where_it_is_then(degrees, expect
     assert word(asked(moving), slew()) == expected
 
 
+@pytest.mark.requirement("RP-013")
 def test_a_zone_of_changing_size_is_judged_by_its_size_then():
     t = np.linspace(0.0, T, 5).tolist()
     small_while_near = cone(80.0, times=t, half_angles_deg=[60.0, 50.0, 30.0, 21.0, 20.0])
@@ -198,6 +206,7 @@ def test_samples_of_a_zone_must_cover_the_plan():
     ({"momentum": 0.4501}, "proven"),
     ({"torque": [1e-9, 1e-9, 0.179]}, "refuted"),
 ])  # fmt: skip
+@pytest.mark.requirement("RP-011")
 def test_limits_are_judged_at_all_times(limits, expected):
     inertia = np.diag([1.0, 2.0, 3.0]).ravel().tolist()
     assert word(asked(limits=limits, inertia=inertia), slew()) == expected
@@ -228,6 +237,7 @@ def goal_of(plan):
     return [math.cos(1.0), math.sin(1.0), 0.0]
 
 
+@pytest.mark.requirement("RP-015")
 def test_goals_of_a_direction_leave_the_roll_free_but_not_its_rate():
     plan = slew()
     goal = {"boresight": [1, 0, 0], "direction": goal_of(plan)}
@@ -263,6 +273,7 @@ def held(H, plan):
     return dict(zip(plans.SAMPLES, (t, *rows, [[0.0] * 3] * 5), strict=True))
 
 
+@pytest.mark.requirement("RP-016")
 def test_a_hold_stays_at_the_goal_among_zones_that_move_on():
     plan = slew()
     plan["hold"] = held(20.0, plan)
@@ -276,6 +287,7 @@ def test_a_hold_stays_at_the_goal_among_zones_that_move_on():
     assert word(asked(comes, hold=20.0), plan) == "refuted"
 
 
+@pytest.mark.requirement("RP-016")
 def test_a_hold_that_drifts_is_refuted():
     plan = slew()
     plan["hold"] = held(20.0, plan)
@@ -284,6 +296,7 @@ def test_a_hold_that_drifts_is_refuted():
     assert word(asked(hold=20.0), plan) == "refuted"
 
 
+@pytest.mark.requirement("RP-014")
 def test_no_roll_on_the_sphere():
     plan = slew()
     problem = asked(plan=plan, space="s2", boresight=[1, 0, 0])
@@ -308,6 +321,7 @@ def test_on_the_sphere_the_roll_of_the_ends_is_free():
     ("times", 20, 10.000001),
     ("times", 0, 1e-9),
 ])  # fmt: skip
+@pytest.mark.requirement("RP-015")
 def test_samples_that_are_no_such_plan_are_refuted(key, k, value):
     plan = slew()
     plan[key][k] = value
@@ -341,6 +355,7 @@ def test_samples_that_are_no_such_plan_are_refuted(key, k, value):
     ('"goal": {', '"limits": {"rate": 0}, "goal": {'),
     ('"goal": {', '"limits": {"rate": [1, 1]}, "goal": {'),
 ])  # fmt: skip
+@pytest.mark.requirement("RP-022")
 def test_what_is_malformed_is_bad(before, after):
     text = json.dumps(asked(cone(OFF_THE_WAY)))
     assert before in text
@@ -358,6 +373,7 @@ def test_plans_that_are_malformed_are_bad(change):
 
 
 @pytest.mark.parametrize("where", ["", "obstacles", "start", "goal", "limits"])
+@pytest.mark.requirement("RP-022")
 def test_a_key_that_is_not_known_is_bad_wherever_it_stands(where):
     problem = asked(cone(OFF_THE_WAY), limits={"rate": 1.0})
     part = problem if not where else problem[where]
@@ -416,6 +432,7 @@ def run(folder, *files):
     )  # fmt: skip
 
 
+@pytest.mark.requirement("RP-021")
 def test_its_file_alone_does_the_same(tmp_path):
     shutil.copy(SOURCE, tmp_path)
     pairs = [
@@ -463,6 +480,7 @@ def code_lines(source):
     return lines
 
 
+@pytest.mark.requirement("RP-021")
 def test_all_that_is_trusted_is_450_lines_of_code_on_the_standard_library_and_flint():
     source = SOURCE.read_text(encoding="utf-8")
     assert len(code_lines(source)) <= 450
