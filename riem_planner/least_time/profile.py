@@ -26,8 +26,8 @@ from riem_planner.limit_rows import (
     WHEEL_TORQUE,
 )
 
-_HALVINGS = 40
-_FAST = 1e300
+_HALVINGS = 25
+_SLOW, _FAST = 1e-15, 1e300
 
 
 @part
@@ -83,13 +83,39 @@ def _interval(k, x, motion, table):
     return low, high
 
 
+@part
+def _keeps(k, x, after, step, motion, table):
+    """Whether from the square x of the speed at point k that of the next one can be kept."""
+    least, most = _interval(k, x, motion, table)
+    return least <= most and x + 2.0 * step * least <= after
+
+
+@part
+def _largest(k, after, step, motion, table):
+    """The largest x at point k from which `after` can be kept at the next: doubled, then halved."""
+    most = _greatest_square(k, motion, table)
+    low, high = 0.0, min(most, max(after, _SLOW))
+    while _keeps(k, high, after, step, motion, table):
+        low = high
+        if high >= most:
+            return most
+        high = min(most, 2.0 * high)
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        if _keeps(k, middle, after, step, motion, table):
+            low = middle
+        else:
+            high = middle
+    return low
+
+
 @kernel
-def fastest(step, motion, table, ends):
+def fastest(steps, motion, table, ends):
     """Squares x (n,) of the greatest speeds along a path; negative at first where there are none.
 
     Parameters
     ----------
-    step
+    steps : (n - 1,)
         Between points of the path [rad].
     motion
         Per point and quantity (n, 8, 3): by u (of rate and momentum by s'), by x, by sqrt(x); and
@@ -103,26 +129,16 @@ def fastest(step, motion, table, ends):
     x = np.empty(n)
     x[n - 1] = ends[1]
     for k in range(n - 2, -1, -1):
-        low, high = 0.0, _greatest_square(k, motion, table)
-        if k == n - 2:
-            high = min(high, 1e6)
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low + high)
-            least, most = _interval(k, middle, motion, table)
-            if least <= most and middle + 2.0 * step * least <= x[k + 1]:
-                low = middle
-            else:
-                high = middle
-        x[k] = low
+        x[k] = _largest(k, x[k + 1], steps[k], motion, table)
     if not ends[0] <= x[0] * (1.0 + 1e-9) + 1e-300:
         x[0] = -1.0
         return x
     x[0] = ends[0]
     for k in range(n - 1):
         least, most = _interval(k, x[k], motion, table)
-        u = min(most, (x[k + 1] - x[k]) / (2.0 * step))
+        u = min(most, (x[k + 1] - x[k]) / (2.0 * steps[k]))
         if not u >= min(least, most) - 1e-6 * abs(least):
             x[0] = -1.0
             return x
-        x[k + 1] = max(0.0, min(x[k + 1], x[k] + 2.0 * step * u))
+        x[k + 1] = max(0.0, min(x[k + 1], x[k] + 2.0 * steps[k] * u))
     return x

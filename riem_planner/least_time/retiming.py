@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 
 _POINTS = 401
 _WINDOWS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.5)  # of the sharp duration, tried for limits of jerk
+_AT_REST = 1e-9  # of the greatest speed
 _SHORTEST = 1e-9  # rad, of a path that is one
 
 
@@ -52,35 +53,32 @@ class Path:
 
 
 def path_of(frame: Frame, trajectory: Trajectory) -> Path | None:
-    """The path of a trajectory; None where it hardly moves."""
-    times = np.linspace(0.0, trajectory.duration, 2 * _POINTS - 1)
-    q, v, _ = trajectory.evaluate_quaternion(times)
-    steps = so3.quaternion_distance(q[:-1], q[1:])
-    lengths = np.concatenate([[0.0], np.cumsum(steps)])
-    length = float(lengths[-1])
-    if length < _SHORTEST:
+    """The path of a trajectory; None where it hardly moves.
+
+    Its points are even in the trajectory's time, so that they are dense where a slew from rest
+    bends most. There `w = v / |v|` and `w' = (a - w (w . a)) / |v|^2`; at an end at rest the
+    tangent is that of the acceleration.
+    """
+    times = np.linspace(0.0, trajectory.duration, _POINTS)
+    q, v, a = trajectory.evaluate_quaternion(times)
+    s = np.concatenate([[0.0], np.cumsum(so3.quaternion_distance(q[:-1], q[1:]))])
+    if s[-1] < _SHORTEST or np.any(np.diff(s) <= 0.0):
         return None
-    s = np.linspace(0.0, length, _POINTS)
-    q = trajectory.evaluate_quaternion(np.interp(s, lengths, times))[0]
-    q[[0, -1]] = trajectory.quaternions_xyzw[[0, -1]]
-    h = length / (_POINTS - 1)
-    chords = (
-        so3.quaternion_log(so3.quaternion_multiply(so3.quaternion_conjugate(q[:-1]), q[1:])) / h
-    )
-    w = np.empty_like(v[:_POINTS])
-    w[1:-1] = 0.5 * (chords[1:] + chords[:-1])
-    bend = np.zeros_like(w)
-    bend[1:-1] = np.diff(chords, axis=0) / h
-    w[0], w[-1] = chords[0] - 0.5 * h * bend[1], chords[-1] + 0.5 * h * bend[-2]
-    bend[0], bend[-1] = bend[1], bend[-2]
-    for k, state in ((0, frame.problem.start), (-1, frame.problem.arrival)):
-        speed = float(np.linalg.norm(state.angular_velocity))
-        if speed > 0.0:
-            w[k] = state.angular_velocity / speed
+    speeds = np.linalg.norm(v, axis=1)
+    w, bend = np.zeros_like(v), np.zeros_like(v)
+    moving = speeds > _AT_REST * np.max(speeds)
+    w[moving] = v[moving] / speeds[moving, None]
+    across = a - w * np.sum(w * a, axis=1, keepdims=True)
+    bend[moving] = across[moving] / speeds[moving, None] ** 2
+    if not np.all(moving[1:-1]):
+        return None  # it stands still on the way
+    for k, inside, sign in ((0, 1, 1.0), (-1, -2, -1.0)):
+        if not moving[k]:
+            w[k] = sign * a[k] / np.linalg.norm(a[k]) if np.any(a[k]) else w[inside]
+            bend[k] = bend[inside]
     if not frame.rolling:
         b = frame.problem.boresight
-        w -= np.outer(w @ b, b)
-        bend -= np.outer(bend @ b, b)
+        w, bend = w - np.outer(w @ b, b), bend - np.outer(bend @ b, b)
     return Path(Trajectory(s, q, w, bend))
 
 
@@ -128,12 +126,12 @@ def _speeds(frame: Frame, path: Path, tightening: float) -> tuple[Array, Array] 
     ends = tuple(
         float(s.angular_velocity @ s.angular_velocity) for s in (problem.start, problem.arrival)
     )
-    step = path.length / (n - 1)
-    x = fastest(step, (forces, bends, drags, np.ascontiguousarray(h)), table, ends)
+    steps = np.diff(curve.times)
+    x = fastest(steps, (forces, bends, drags, np.ascontiguousarray(h)), table, ends)
     speeds = np.sqrt(np.maximum(x, 0.0))
     if x[0] < 0.0 or np.any(speeds[1:] + speeds[:-1] <= 0.0):
         return None
-    return np.concatenate([[0.0], np.cumsum(2.0 * step / (speeds[1:] + speeds[:-1]))]), speeds
+    return np.concatenate([[0.0], np.cumsum(2.0 * steps / (speeds[1:] + speeds[:-1]))]), speeds
 
 
 def _sampled(path: Path, sharp: tuple[Array, Array], samples: int, window: float) -> Trajectory:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,6 +35,8 @@ _SAME = 2e-3  # relative difference of the durations of one class
 _MOST_STRETCHED = 1.02
 _TRIED = 3  # classes on the samples before the search is given up
 _ALTERNATIVES = 3
+_LONGER = (1.0, 1.6, 2.5)  # where an end moves, its path has to be flown at its speed
+_SHORTEST = 1e-6  # s
 _BINDS = 0.01  # part of a limit that is left where it binds
 _PACE = 1.5  # of the longest time that a coarse path took, what another may take
 
@@ -70,7 +72,7 @@ class LeastTime:
         self._problem, self._watch, self._neighbour = problem, watch, neighbour
         self._samples = samples
         self._frame = Frame(problem)
-        self._near: Solution | None = None
+        self._near: dict[float, Solution] = {}
         moves = problem.goals[0].moves or np.any(problem.arrival.angular_velocity)
         self._rests = not moves and not np.any(problem.start.angular_velocity)
         self._stretches = (
@@ -128,20 +130,20 @@ class LeastTime:
         for trajectory in self._neighbours():
             yield paths.along(frame, trajectory, COARSE)
 
-    def _neighbours(self) -> Iterator[Trajectory]:
-        """Paths of least acceleration."""
-        solution = self._least()
+    def _neighbours(self, longer: float = 1.0) -> Iterator[Trajectory]:
+        """Paths of least acceleration, in so many times what the straight slew needs."""
+        solution = self._least(longer)
         if solution.trajectory is not None:
             yield solution.trajectory
         for other in solution.alternatives:
             yield other.trajectory
 
-    def _least(self) -> Solution:
-        if self._near is None:
+    def _least(self, longer: float) -> Solution:
+        if longer not in self._near:
             V, A = paths.motion(paths.straight(self._frame, COARSE))
-            duration = self._frame.slower(V, A, 1.0)
-            self._near = self._neighbour(self._problem.timed(max(duration, 1e-6)), None)
-        return self._near
+            duration = max(longer * self._frame.slower(V, A, 1.0), _SHORTEST)
+            self._near[longer] = self._neighbour(self._problem.timed(duration), None)
+        return self._near[longer]
 
     def _follow_all(self) -> None:
         """Find a local optimum of each class, the quickest first."""
@@ -181,8 +183,9 @@ class LeastTime:
     def _checked(self, trajectory: Trajectory, level: str, converged: bool) -> _Plan | None:
         """The plan of a trajectory, made slower by little where its limits ask for it."""
         problem = self._problem
-        if self._stretches:
-            use = certify_limits(trajectory, problem.limits)
+        # Where zones move, the certificate looks at them again.
+        if self._stretches or (level == RETIMED and self._rests):
+            use = certify_limits(trajectory, problem.limits, problem.total_momentum)
             most = _MOST_STRETCHED if level == FREE else math.inf
             if 1.0 < use.stretch < most:
                 trajectory = stretched(trajectory, use.stretch * (1.0 + 1e-9))
@@ -195,13 +198,22 @@ class LeastTime:
         """Level (a): the quickest motion along a path; by default along the straight slew, or
         the quickest of those of least acceleration where that is not clear.
         """  # noqa: D205
-        given = [path] if path is not None else self._given_paths()
+        if path is not None:
+            return self._along([path])
+        for longer in (1.0,) if self._rests else _LONGER:
+            plan = self._along(self._given_paths(longer))
+            if plan is not None:
+                return plan
+        return None
+
+    def _along(self, given: Iterable[Trajectory]) -> _Plan | None:
+        """The quickest certified motion along one of some paths."""
         plans = []
         for trajectory in given:
             along = path_of(self._frame, trajectory)
             if along is None:
                 continue
-            for tightening in _TIGHTENINGS:
+            for tightening in _TIGHTENINGS if self._rests else (*_TIGHTENINGS, 0.03, 0.1):
                 quick = retimed(self._frame, along, self._samples, tightening)
                 plan = None if quick is None else self._checked(quick, RETIMED, False)
                 if plan is not None:
@@ -209,7 +221,7 @@ class LeastTime:
                     break
         return min(plans, key=lambda each: each.trajectory.duration, default=None)
 
-    def _given_paths(self) -> Iterator[Trajectory]:
+    def _given_paths(self, longer: float) -> Iterator[Trajectory]:
         """Paths to go along: the straight slew, else bent ones, else of least acceleration."""
         frame = self._frame
         if self._rests:
@@ -226,7 +238,7 @@ class LeastTime:
             if frame.rolling and bent:
                 yield from bent
                 return
-        yield from self._neighbours()
+        yield from self._neighbours(longer)
 
     def _clear(self, trajectory: Trajectory) -> bool:
         """Whether a path keeps out of zones, as they are at the start."""
