@@ -8,6 +8,7 @@ acceleration are its exact derivatives, so `R' = R hat(v)` and `v' = a` hold to 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,6 +43,16 @@ class Trajectory:
     angular_velocities: Array
     angular_accelerations: Array
     _coefficients: Array = field(init=False, repr=False)
+
+    if TYPE_CHECKING:
+        # What the constructor takes; the fields say what is kept of it.
+        def __init__(
+            self,
+            times: ArrayLike,
+            quaternions_xyzw: ArrayLike,
+            angular_velocities: ArrayLike,
+            angular_accelerations: ArrayLike,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         """Validate, freeze, and fit the polynomials."""
