@@ -1,6 +1,7 @@
 """The planner in a process of one's own, as an outsider would use it."""
 
 import gc
+import os
 import subprocess
 import sys
 import threading
@@ -244,8 +245,6 @@ print(late[-1])
 
 @pytest.mark.soak
 def test_a_users_timer_is_hardly_late_while_the_solver_is_compiled(tmp_path):
-    import os
-
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     done = subprocess.run(
         [sys.executable, "-c", _LATENESS], env=environment, capture_output=True, text=True,
@@ -254,15 +253,3 @@ def test_a_users_timer_is_hardly_late_while_the_solver_is_compiled(tmp_path):
     active, latest = done.stdout.split()
     assert active == "True"
     assert float(latest) < 0.1
-
-
-def test_the_example_of_a_composition_arrives():
-    command = [sys.executable, "examples/composition.py", "--duration", "2"]
-    example = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT)
-    try:
-        told, _ = example.communicate(timeout=100.0)
-    finally:
-        example.terminate()  # which ends its nodes as well
-        example.wait(30.0)
-    assert example.returncode == 0, told
-    assert "ARRIVED" in told

@@ -20,6 +20,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
 from msg_adapters import geometry
+from msg_adapters.trajectory import SetpointMessage
 from riem_planner import Trajectory
 from riem_planner.geometry import so3
 
@@ -131,6 +132,46 @@ def test_a_zone_message_moves_the_zone(ros):
     bench.wait(lambda: bench.codes().count("FLYING") == 2)
     bench.wait(_arrived(bench, Z_TURN), 12.0)
     bench.check_continuity()
+
+
+def test_a_body_and_obstacles_that_turn_are_heard(ros):
+    bodies = {"a__body": "sun", "b__body": "sun", "a__half_angle": 0.2, "b__half_angle": 0.1}
+    bench = ros(["a", "b"], **bodies)
+    topics = {subscription.topic_name for subscription in bench.node.subscriptions}
+    assert "/riem_planner/bodies/sun" in topics
+    assert not any(name.startswith("/riem_planner/zones/") for name in topics)
+    sun = geometry.vector_from_direction(np.array([0.0, 3.0, 4.0]), 0, FRAME)
+    body = bench.client.create_publisher(type(sun), "/riem_planner/bodies/sun", 1)
+    bench.wait(lambda: body.get_subscription_count() > 0)
+    body.publish(sun)
+    world = bench.node.mission.world
+    bench.wait(lambda: not world.missing)
+    assert all(zone.direction == pytest.approx([0.0, 0.6, 0.8]) for zone in world.obstacles(0))
+    # Another planner's setpoint is an obstacle that turns.
+    message = SetpointMessage(FRAME, "other").filled(
+        bench.node.now_ns(), Z_TURN, np.array([0.0, 0.01, 0.0]), REST
+    )
+    states = bench.client.create_publisher(type(message), "/riem_planner/obstacle_states", 1)
+    bench.wait(lambda: states.get_subscription_count() > 0)
+    states.publish(message)
+    bench.wait(lambda: len(world.obstacles(bench.node.now_ns())) == 3)
+    (obstacle,) = world.obstacles(bench.node.now_ns())[2:]
+    assert obstacle.name == "obstacle_states/other"
+    assert np.linalg.norm(obstacle.rate) == pytest.approx(0.01)
+    message.joint_names.append("one too many")
+    states.publish(message)
+    bench.wait(lambda: "~/obstacle_states" in bench.node.outputs.rejections.last)
+
+
+def test_qos_of_outputs_can_be_set_for_a_watchdog(ros):
+    prefix = "qos_overrides./riem_planner/setpoint.publisher."
+    bench = ros(**{f"{prefix}deadline".replace(".", "_DOT_"): 100_000_000})
+    (setpoint,) = (
+        p for p in bench.node.publishers if p.topic_name == "/riem_planner/setpoint"
+    )  # fmt: skip
+    assert setpoint.qos_profile.deadline.nanoseconds == 100_000_000
+    for policy in ("lifespan", "liveliness", "liveliness_lease_duration"):
+        assert bench.node.has_parameter(prefix + policy)
 
 
 def test_late_joiners_get_the_plan(ros):
