@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Build of the package: by colcon (ament_python), and by pip into a virtual environment."""
 
 import re

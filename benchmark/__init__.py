@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Measurements of the planner beside its peers; run by `make bench` as `python -m benchmark`."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`python -m benchmark`: the tables of `make bench`. See `python -m benchmark --help`."""
 
 from __future__ import annotations

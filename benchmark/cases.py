@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Cases: problems in the form of problem files, one a line, and where this room keeps them."""
 
 from __future__ import annotations

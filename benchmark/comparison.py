@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The planner beside its peers, on the same problems in the same run."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The cost of any curve, by quadrature; independent of the planner and of its peers."""
 
 from __future__ import annotations

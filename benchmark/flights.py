@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The published manoeuvres, planned and flown in closed loop by the simulated spacecraft."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`python -m benchmark.flood SECONDS OBSTACLES GOALS`: messages to a node, at rates [Hz]."""
 
 from __future__ import annotations

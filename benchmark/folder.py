@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A folder of case files planned as `riem_plan` does: what is certified, and at which cost.
 
 Each line may state a `best_known_cost` or a `best_known_duration`; the excess over it is told.

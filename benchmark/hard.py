@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The hard sets solved: what is certified, what is refused and why, what is wrong."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The hard sets: problems that planners are known to fail on, from fixed seeds.
 
 | set | what is hard |

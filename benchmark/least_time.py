@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One slew in least acceleration and in least time, and the price of smooth ends."""
 
 from __future__ import annotations

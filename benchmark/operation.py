@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node in operation: how even its stream is under load, and how soon it answers."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is measured of the planner alone: speed, warm starts, scaling, throughput."""
 
 from __future__ import annotations

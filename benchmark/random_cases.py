@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Random problems drawn like those of the three case files, from seeds of one's own.
 
 The distribution, read off the case files:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tables, as Markdown and as JSON, with a description of the machine."""
 
 from __future__ import annotations

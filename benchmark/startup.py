@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What it costs to begin: compiling once, loading from the cache, memory."""
 
 from __future__ import annotations

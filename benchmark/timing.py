@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Timing of several ways to do the same jobs, interleaved so that all meet the same machine."""
 
 from __future__ import annotations

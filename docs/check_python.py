@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Check the Python of the README and the docs: every block passes mypy --strict, and runs.
 
     python docs/check_python.py [PAGE ...]

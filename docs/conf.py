@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sphinx: the pages of this folder (MyST) and the reference from the docstrings, offline."""
 
 import re

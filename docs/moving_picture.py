@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Draw the README's moving picture: the plan page of a published slew, frame by frame.
 
     python docs/moving_picture.py PAGE PICTURE

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A planner, a simulated spacecraft and a sender of goals in one namespace, without a launch file.
 
     python examples/composition.py [--namespace /sat1] [--duration 10]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """ROS messages to NumPy and back, in pairs of functions named by both sides.
 
 Every reader raises `MessageError` on a zero or non-finite value, on a wrong frame, or on a bad

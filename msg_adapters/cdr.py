@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Beginnings of messages as CDR bytes, the form in which they travel (little-endian, plain CDR)."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Setpoints for the controllers of others, and back: plain functions on arrays, no messages.
 
 Here an attitude is a unit quaternion x, y, z, w that turns body axes into the reference frame, and

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is wrong with a message, in a form that can be counted and shown."""
 
 from __future__ import annotations

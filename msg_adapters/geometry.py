@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Attitudes, directions, rates and stamps: messages to NumPy and back."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Markers of a plan on the unit sphere: paths, cones, the worst point, body axes."""
 
 from __future__ import annotations

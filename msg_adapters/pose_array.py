@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """PoseArray as CDR bytes, read and written by NumPy.
 
 A list of poses as Python objects takes 10 microseconds a pose to build or to read, all of it

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Diagnostic messages: what happened, with names and numbers."""
 
 from __future__ import annotations

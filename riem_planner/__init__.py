@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Certified attitude trajectories that keep away from obstacles on SO(3) and S^2."""
 
 from typing import TYPE_CHECKING, Any

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Checks of input values that more than one room needs."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The cost of a given trajectory: `1/2 int (|a|^2 + sigma |v|^2 + sum V) dt` by quadrature."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The way out of a zone that has come over the spacecraft, or is about to.
 
 It brakes as hard as the limits allow, and then turns by an angle about a fixed body axis, from rest

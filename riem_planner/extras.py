@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Packages of extras: imported where they are used, asked for by name where they are missing."""
 
 from __future__ import annotations

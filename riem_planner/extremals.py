@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """First-order conditions, and the extremals that start from given initial values.
 
 An extremal of `1/2 int (|a|^2 + sigma |v|^2 + sum V_i) dt` satisfies, with `F = grad(sum V_i)/2`

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What follows the arrival: the attitude stays at its goal, or goes on with it.
 
 The cost of a hold is that of the zones alone, `1/2 int_T^(T+H) V dt`, by Gauss's rule on pieces

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Initial-value problems to rounding: extremals of every space are followed by one integrator."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What stays the same along extremals, and where they stop being minima: exact facts to test by."""
 
 from __future__ import annotations

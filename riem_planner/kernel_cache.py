@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where compiled kernels are kept: read-only installations, images, files that were damaged.
 
 The first of `NUMBA_CACHE_DIR`, the package's `__pycache__` and `$XDG_CACHE_HOME` (`~/.cache`) that

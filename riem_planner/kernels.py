@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How the project compiles: one decorator, so that every kernel has the same settings.
 
 Kernels are compiled by Numba on first use and cached on disk; all but brief ones release the
@@ -23,11 +24,9 @@ from riem_planner.kernel_cache import Place, cached, place_of
 _FASTMATH = {"reassoc", "contract", "nsz", "arcp"}
 
 # Where kernels are, and the constants that are compiled into them.
-# Of the solver only its compiled half: its plans change more often, and compile nothing.
 _COMPILED_ROOMS = (
     "kernels.py", "limit_rows.py", "trajectory.py", "geometry/*.py", "obstacles/*.py",
-    "solver/curves.py", "solver/descent.py", "solver/dop853.py", "solver/shooting.py",
-    "certificate/*.py", "least_time/*.py",
+    "solver/*.py", "certificate/*.py", "least_time/*.py",
 )  # fmt: skip
 # A room whose kernels no other room's call: what changes there leaves the others' as they are.
 _TOP_ROOMS = ("surveys",)

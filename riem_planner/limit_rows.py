@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is limited, and the rows of every table of limits; compiled code reads them too."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a spacecraft can do: largest rate, acceleration, torque, momentum, jerk; its wheels."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A slew model for the scheduler m4opt that knows the zones of one epoch.
 
 Importing this module needs m4opt and astropy, which the package does not install.

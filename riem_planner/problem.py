@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The problem a user states: end states, duration, tension, obstacles. Frozen and validated."""
 
 from __future__ import annotations

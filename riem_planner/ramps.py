@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Motion at a limit: accelerations that rise to it in a short time, stay there, and fall again.
 
 A piecewise linear acceleration is integrated exactly, and quintics through its corners are it.

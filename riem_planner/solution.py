@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a solve returns: a value with a status that gives advice, never an exception."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The two public steps: state a `Problem`, solve it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Coming to rest: a family of decelerations, and the gentlest one that may be flown.
 
 The attitude is `R_0 exp(hat(xi(t)))` with, for `u = t / D` in [0, 1],

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The published trajectory: attitude, rate and acceleration at any time.
 
 Between samples the attitude is `R_k exp(hat(xi(t)))` with the quintic polynomial xi that

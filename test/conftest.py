@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Puts the folders of helpers on the import path, so that tests in every room can share them."""
 
 import sys

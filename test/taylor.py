@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The order of a Taylor remainder, from its decrease over shrinking steps."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `make basilisk` computes without Basilisk: its conventions, its references, its measures."""
 
 from __future__ import annotations

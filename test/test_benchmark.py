@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The benchmark runs, its tables have their rows, and its peers solve the stated problem."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Setpoints for controllers of others: there and back, and against their own definitions."""
 
 import numpy as np

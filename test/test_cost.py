@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The cost of a given trajectory: against closed forms, and against what the solver tells."""
 
 import numpy as np

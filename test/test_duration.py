@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The least duration within limits, and the refusal of a shorter one."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The least duration beside a brute-force scan over durations, on random problems."""
 
 import math

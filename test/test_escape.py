@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The way out of a zone: the margin never falls until it is positive."""
 
 import numpy as np

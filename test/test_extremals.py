@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every exact fact of the mathematics, section 5, that an initial-value extremal can show."""
 
 import numpy as np

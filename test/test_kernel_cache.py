@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where compiled code is kept, and what becomes of files that were damaged."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Messages to NumPy and back: round trips, and the refusal of what can't be used."""
 
 import copy

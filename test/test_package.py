@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The package as a package: one version, a dependency for every import, a core without ROS."""
 
 import ast
@@ -59,6 +60,12 @@ def test_one_version():
         check=True,
     )
     assert told.stdout.split()[-1] == riem_planner.__version__
+
+
+def test_every_source_names_its_licence():
+    own = sources("riem_planner", "msg_adapters", "test", "benchmark", "docs", "trust", "examples")
+    silent = [p for p in own if b"SPDX-License-Identifier: Apache-2.0" not in p.read_bytes()[:200]]
+    assert [path for path in silent if path.stat().st_size > 0] == []
 
 
 def test_manifest_is_that_of_an_ament_python_package():

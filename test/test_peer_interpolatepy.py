@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Natural cubics of `interpolatepy` (PyPI, tests only), which shoots on its own equations."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Wrong values of a problem are refused with the key, the value and the remedy."""
 
 import math

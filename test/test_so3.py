@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The rotation group: its axioms near the identity, near half a turn, and everywhere else."""
 
 import numpy as np

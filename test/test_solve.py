@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """solve(): the best certified answer on whole case files, its statuses, and its symmetries."""
 
 import threading

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The sphere of directions: angle, exponential and logarithm near 0, near pi, between."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stops: begin with the state's rate and acceleration, end at rest, never jump."""
 
 import numpy as np

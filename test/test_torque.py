@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Least torque: the cost and its variations, the descent, and its own first-order check."""
 
 import re

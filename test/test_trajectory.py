@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The published trajectory: consistent, continuous, and honest about its ends."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The cost of a curve near a given one, computed on the sphere it lives on.
 
 S^2 is the unit sphere of R^3; SO(3) is the unit sphere of R^4 (quaternions) with its lengths

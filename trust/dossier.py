@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Evidence in one file: `python -m trust.dossier OUT.zip`.
 
 Matrix, declaration, security policy, the proofs of the published manoeuvres, the bill of materials,

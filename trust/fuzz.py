@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Coverage-guided fuzzing of what is read from outside: `python -m trust.fuzz problem|plan|proof`.
 
 It needs atheris, in an environment of its own (requirements-fuzz.txt): whatever the bytes, a reader

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The matrix of requirements: every one is verified by tests that exist and pass, and none is lost.
 
 `python -m trust.matrix` fails on an orphan; `--run` also runs the tests that verify.

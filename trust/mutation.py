@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Do the tests see errors? Each comparison, sign and constant of a file is changed, one at a time.
 
 `python -m trust.mutation FILE --test TEST [--most N] [--seed S]` copies nothing and changes no

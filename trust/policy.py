@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The SROS2 policy of the three nodes, made from the graph of the running nodes.
 
 `python -m trust.policy` compares config/security/policy.xml with the nodes that run with

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A bill of materials of the installed set, in CycloneDX 1.5: `python -m trust.sbom OUT.json`."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`python -m benchmark.basilisk`, which is `make basilisk`: flights and the comparison.
 
 Exit code 1 if a bar is missed; the bars that are missed are named.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Basilisk's constrained-manoeuvre module and we, on its own four cases, at its durations."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Effort, clearance and tracking error of a flight."""
 
 from __future__ import annotations

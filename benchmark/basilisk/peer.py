@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Basilisk's constrainedAttitudeManeuver: A* over a grid of attitudes, then a spline.
 
 Method: R. Calaon, H. Schaub, Constrained Attitude Maneuvering via Modified-Rodrigues-Parameter-

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The spacecraft of Basilisk: rigid hub, reaction wheels, its navigation, tracking and control.
 
 The chain is that of Basilisk's scenarioAttitudeConstrainedManeuver: simpleNav, attTrackingError,

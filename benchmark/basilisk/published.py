@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The published manoeuvres, planned by us and flown by Basilisk's spacecraft."""
 
 from __future__ import annotations

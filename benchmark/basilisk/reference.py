@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """References as Basilisk states them: modified Rodrigues parameters, rates in the inertial frame.
 
 With R the attitude (body to reference frame, as everywhere in this project) and [BN] Basilisk's

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Other ways to solve the same problems, each built as its users would build it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """SciPy's `solve_bvp` on the first-order conditions, with analytic Jacobians.
 
 The state is `y = (q, u, w, z)`: the quaternion and the coordinates of rate, acceleration and

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """CasADi and IPOPT: direct multiple shooting of the cost, the usual way in optimal control.
 
 N intervals of one Runge-Kutta step of order 4 each; the acceleration is linear between its

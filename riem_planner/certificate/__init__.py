@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The checker: judges a published trajectory by itself and never trusts the solver.
 
 It needs only the trajectory, the problem and its obstacles.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The certificate of what follows the arrival: a hold is kept clear like the slew."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The verdict on a published trajectory, with the numbers it rests on."""
 
 from __future__ import annotations

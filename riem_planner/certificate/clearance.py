@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How far a trajectory keeps from what is forbidden, at all times or at given ones."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Checks of the curve itself: it joins, does not jump, meets its end states, and how fast it is."""
 
 # Compiled: Numba finds the types.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lower bounds, in continuous time, of the distance between a trajectory and what is forbidden.
 
 The margin of an obstacle is `d - r` (kept out) or `r - d` (kept in), that of a forbidden set the

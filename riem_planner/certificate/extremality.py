@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How nearly a trajectory is an extremal, from its attitude, rate and acceleration alone.
 
 The first-order conditions hold `v'''`, two derivatives more than a trajectory has at its samples.

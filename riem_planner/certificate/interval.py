@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The published quintics on an interval of time: their values, and bounds that hold throughout.
 
 Within interval k the attitude is `R_k exp(hat(xi(s)))` with a quintic xi. The right Jacobian of

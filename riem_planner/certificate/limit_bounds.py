@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Upper bounds, in continuous time, of the part of each limit that a trajectory uses.
 
 A quantity f (rate, acceleration, torque, momentum, jerk, torque's rate, and what the wheels give

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How much of a spacecraft's limits a trajectory uses, in continuous time."""
 
 from __future__ import annotations

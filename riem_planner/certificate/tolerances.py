@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a certificate still takes for rounding, or for what interpolation adds."""
 
 import math

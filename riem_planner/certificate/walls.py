@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Walls: closed chains of zones between the start and the goal, which prove that no path exists.
 
 Where neighbouring caps of one boresight overlap, the arc between their centres is forbidden. A

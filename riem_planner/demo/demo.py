@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The demonstration: a published manoeuvre, planned and streamed by the real node, and flown.
 
 The node and the simulated spacecraft run as processes of their own; this one only listens to

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the demonstration hears: the plan, the setpoints and the states that are flown."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the demonstration says: the plan, and planned beside achieved clearance."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The least duration of a slew within limits.
 
 With `s = t / T` the problem on [0, 1] has the tension `sigma T^2` and the strengths `tau T^4`

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stop, then slew: a class of its own, for starts so fast that every curved path meets a zone.
 
 The rate dies along its own axis at a constant deceleration, ramped off over the last tenth; from

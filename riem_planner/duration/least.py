@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether a slew has a least duration, and what it is."""
 
 from __future__ import annotations

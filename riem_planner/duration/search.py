@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The least duration where the path changes with it: searched upwards, then halved."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Attitudes as people have them: one key each, named so that no order can be mistaken.
 
 | key | means |

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Text to plain values: YAML of the 1.2 core schema, and JSON, with duplicate keys kept track of.
 
 YAML 1.1, which most parsers speak, reads `1e-3` as text, `1:30` as ninety and `no` as false.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Start and goal of a problem file, and whether they are clear of its zones."""
 
 from __future__ import annotations

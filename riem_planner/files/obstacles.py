@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The obstacles of a problem file: attitudes, and zones that are fixed, move or change."""
 
 from __future__ import annotations

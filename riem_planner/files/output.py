@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Writing a result so that nobody ever reads half of one."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where something points or stands: a direction, fixed, turning or along samples."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Plan files: what `riem_plan` writes, and the check of one that exists.
 
 Between its evenly spaced samples a plan means the quintic Hermite interpolant of `Trajectory`.

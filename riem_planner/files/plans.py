@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a plan file holds, as a value."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Problem files: YAML documents and JSON lines to a `Problem`.
 
 A file states what a `Problem` takes, in degrees where a key says `_deg` and in the units of

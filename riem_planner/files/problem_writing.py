@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A `Problem` to the document that states it: the inverse of `problem_files`."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Problem files that name the sky: bodies, limbs, frames and a spacecraft become plain places.
 
 `resolved` turns a document with `epoch`, `orbit`, `bodies` and `spacecraft` into one without them:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One mapping of a document, read key by key; every error names the key by its whole path."""
 
 from __future__ import annotations

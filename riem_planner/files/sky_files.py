@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Orbits and bodies of problem files."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Spacecraft files: what many problems share.
 
     inertia: [..]

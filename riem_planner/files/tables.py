@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tables with named columns: Parquet, CSV, and ECSV, the CSV of astronomers with a YAML header.
 
 Reading them needs pyarrow, of the extra `surveys`.

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Geometry of the spaces: exponential, logarithm, distance, Jacobians."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Directions that move: at a constant rate, or along samples.
 
 A sampled direction is `s = p / |p|` with the not-a-knot cubic spline p through the unit vectors,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rotations of single attitudes, for compiled code: quaternions x, y, z, w."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The rotation group SO(3), by rotation matrices and by unit quaternions, batched.
 
 Conventions (Hamilton, ROS order): a quaternion is `(x, y, z, w)` and turns body components

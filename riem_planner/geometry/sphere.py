@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The unit sphere S^2 of pointing directions, batched over leading dimensions."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Vectors of three numbers as tuples, for compiled code: no memory, and read like formulas."""
 
 # Compiled: Numba finds the types.

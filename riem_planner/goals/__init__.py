@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Goals: where a slew arrives, with what rate, and how the attitude goes on from there.
 
 Every goal tells the attitude and body rate of an arrival at time T (`arrival`), the body axis b

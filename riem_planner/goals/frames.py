@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Frames that moving directions carry along.
 
 The frame of two directions d, d_2 is `[e_1, e_2, e_3]` with `e_1 = d`, e_2 the unit part of d_2

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The goals that a user states: an attitude, or where an axis points."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An attitude with its rate: the ends of a slew, and the simplest goal."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Least time within limits, clear of zones: `objective="least_time"`.
 
 Minimise T over curves (R, v) on [0, T] with `R' = R hat(v)`, `a = v'` and given ends, such that

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A lower bound of the duration of any path within limits.
 
 Along any path the speed `|v|` grows no faster than the greatest `|a|` that the limits admit, and

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One interval of motion with linear acceleration, and its derivatives.
 
 From node to node over h, in normalised time and with `U = A_+ - A`,

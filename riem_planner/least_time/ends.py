@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What holds at the start and the goal, and the small system that joins the two."""
 # Compiled: Numba finds the types.
 # mypy: disallow-untyped-defs=False, disallow-untyped-calls=False, check-untyped-defs=False

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Level (b): the free path, from starts of several classes, coarse and then on the samples."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A primal-dual interior-point method for the transcribed problem.
 
 Adaptive barrier parameter after Vanderbei and Shanno (1999), steps accepted where the barrier

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Values and derivatives of everything along an iterate."""
 # Compiled: Numba finds the types.
 # mypy: disallow-untyped-defs=False, disallow-untyped-calls=False, check-untyped-defs=False

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The transcribed problem and its iterates, as arrays that compiled code reads."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Newton's step of the interior point, by a Riccati recursion from the goal to the start.
 
 The barrier problem is `min p - mu sum log s`, `c + s = 0` under the dynamics. With the multipliers

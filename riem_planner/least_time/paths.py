@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Paths to start from: one of each class that may hold the least duration."""
 
 from __future__ import annotations

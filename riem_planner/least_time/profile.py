@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The quickest motion along a given path: its speed at each point, compiled.
 
 Along a path by arc length with tangent w(s) the rate is `v = w s'`, and with `x = s'^2`, `u = s''`

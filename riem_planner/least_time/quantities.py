@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the limits bear on, and its derivatives, in the normalised time of a transcription.
 
 With `s = t / T` in [0, 1], `V = T v` and `A = T^2 a`, the dynamics know no duration, and a limit L

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Level (a): the quickest motion along a given path, on even samples.
 
 The speeds of `profile` switch sharply, and a plan's acceleration is linear between its samples: so

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The least duration found: classes of paths, followed coarsely, the best again on the samples."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How far to go along a Newton step, and going there, compiled."""
 # Compiled: Numba finds the types.
 # mypy: disallow-untyped-defs=False, disallow-untyped-calls=False, check-untyped-defs=False

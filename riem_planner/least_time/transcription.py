@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From a problem to the arrays of its transcription, and back to a trajectory."""
 
 from __future__ import annotations

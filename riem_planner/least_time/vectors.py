@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Small vectors as tuples, and blocks of matrices, for compiled code."""
 # Compiled: Numba finds the types.
 # mypy: disallow-untyped-defs=False, disallow-untyped-calls=False, check-untyped-defs=False

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Forbidden sets as constraints on the attitude, with two derivatives.
 
 With `y = R^T s` the axis of a cone in body axes, a boresight b and an attitude Q with

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The general theory: extremals and boundary-value problems on spaces given by matrices."""
 
 from riem_planner.manifolds.extremal import GeneralExtremal, general_extremal

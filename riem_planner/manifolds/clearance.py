@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Clearance of an extremal in continuous time.
 
 Between two samples of an extremal, lengths of v, v', v'' are enclosed: if L, A, J bound them on an

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Initial curves on a general space: descent on the discretised cost.
 
 With nodes `g_k` at times `t_k`, `X_k = log(g_k^-1 g_(k+1))` and Z_k the same geodesic in the frame

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Extremals on the spaces given by matrices: the field, and initial-value integration."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """First guesses of curves on a general space, and their other sides of an obstacle."""
 
 from __future__ import annotations

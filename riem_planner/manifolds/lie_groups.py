@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compact Lie groups with a bi-invariant metric, and R^n.
 
 Extremals satisfy `v''' = sigma v' - [v, v''] - F` (mathematics, section 3). Metrics:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Functions of unitary and skew-Hermitian matrices, batched.
 
 What is not finite stays so in the result and never raises: a trial curve may leave every bound,

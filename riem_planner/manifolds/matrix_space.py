@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Spaces given by matrices: what compact Lie groups and symmetric spaces have in common.
 
 A curve in a symmetric space G/K is described by its horizontal lift g(t) in G, a curve with

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Potentials of an obstacle: functions of the distance with two derivatives.
 
 `Barrier` is the paper's, unbounded at the obstacle, so that no curve of finite cost touches it.

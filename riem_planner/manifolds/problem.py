@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A problem on a compact Lie group, a symmetric space or R^n: frozen and validated."""
 
 from __future__ import annotations

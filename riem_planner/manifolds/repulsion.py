@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Potential and force of a general problem's obstacles, batched, with derivatives."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Multiple shooting on the first-order conditions of a general space, in normalised time.
 
 Unknown at each node: the point and v, v', v''. On a symmetric space a node's lift is free, so

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Boundary-value problems on a general space: descent from several curves, then shooting.
 
 Plain NumPy and SciPy: it is the independent check of the compiled solver, and the way to every

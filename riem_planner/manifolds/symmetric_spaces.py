@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Riemannian symmetric spaces G/K by their Cartan decomposition: S^n and real Grassmannians.
 
 A point is given by any lift g in G. Extremals satisfy

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the planner decides, without ROS: plain classes over integer nanoseconds.
 
 `settings` (the validated parameters), `zone_tracker` (what is known of the zones), `timeline`

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every code of ~/status: how bad it is, whether it is a goal's end, and a sentence about it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the mission tells and holds: plans, events, measurements."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is flown: the timeline, its verdict, and what takes its place where it may not be flown."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Health of the node: bad messages, age of inputs, jitter of the stream, tracking."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is told of goals: events in their order, and exactly one end for each goal."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the node does about goals, changes of the world, and faults.
 
 Everything here is a plain call with a time in integer nanoseconds. What is to be told is left

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The states of the mission, and what leads from one to another: tables, and nothing else.
 
 A happening that a state has no row for is a fault of the caller, and raises.

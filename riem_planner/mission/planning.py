@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One planning request: what is asked, and how it is carried out beside the stream."""
 
 from __future__ import annotations

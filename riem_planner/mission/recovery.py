@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is flown when the timeline may not be: a certified stop, else the way out."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pages that are made from what the code declares: parameters, status codes, phases.
 
     python -m riem_planner.mission.reference

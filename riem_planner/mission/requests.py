@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the planner is asked: from which state on, and what is tried in which order."""
 
 from __future__ import annotations

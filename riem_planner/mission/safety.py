@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What may be streamed: certificates of the timeline from now on, in the world as it is known."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every parameter of the node, as plain data: what it is, what it may be, what it means."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is streamed when: trajectories spliced at integer nanoseconds, and the hold after them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Goals that move: a target that turns on at its body rate, met, then followed, corrected as told.
 
 What is flown to it is bent to where it is told to be by a turn that grows from nothing,

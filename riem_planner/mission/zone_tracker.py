@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is known of the zones and obstacles at a time, from parameters and messages."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Quaternions and the curve between the samples of a reference, in plain numbers.
 
 Written anew on purpose: what judges the planner shares no formula with it.

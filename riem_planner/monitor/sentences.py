@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the planner promises of its stream, as sentences M1 to M8, each judged on its own.
 
 Scope, condition, component, timing and response stand in the sentences as in the language FRET.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The command `riem_monitor`: judges the planner until SIGINT or SIGTERM; then code 0.
 
 It ends with code 3 where a sentence was broken.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A node of its own that judges the planner's topics by the sentences of `riem_planner.monitor`."""
 
 from __future__ import annotations

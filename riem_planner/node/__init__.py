@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The planner as a ROS node: in a process of its own (`main`), or in one of yours.
 
 from riem_planner.node import PlannerNode

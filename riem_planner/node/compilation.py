@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compilation beside the node: the compiler holds the interpreter, and with it every thread.
 
 A child process compiles into the folder in which kernels are kept, and this one then loads them.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Who is heard: every sender, reliable or best effort, volatile or latched, and each message once.
 
 No subscription hears them all. A best effort, volatile one hears every sender, but not what was

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the node hears: every message checked as a whole, the good ones turned into calls."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The command `planner_node`: runs the node until SIGINT or SIGTERM, then ends with code 0."""
 
 from __future__ import annotations

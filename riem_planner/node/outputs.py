@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Publishers: what the node streams, and what it tells and shows of its plans and its health."""
 
 from __future__ import annotations

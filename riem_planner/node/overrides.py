@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameter files that were given: whether any of their sections is for this node."""
 
 from __future__ import annotations

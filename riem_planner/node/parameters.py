@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Declares the parameters with ROS, and turns changes of them into settings."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The planner as a managed ROS node: messages to calls, results to messages, timers."""
 
 from __future__ import annotations

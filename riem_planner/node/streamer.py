@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A thread that calls the stream at its times, whatever the executor is doing.
 
 An executor looks through all its entities before it calls a timer, which takes a millisecond

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lifecycle transitions beside the executor, which a stop or a compilation must never hold.
 
 rclpy calls a transition in the executor's thread and answers when it returns. Here a thread of its

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One thread that plans beside the stream; the newest request wins."""
 
 from __future__ import annotations

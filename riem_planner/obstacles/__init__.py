@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Obstacles: what a trajectory keeps away from, or inside of.
 
 The potential of an obstacle is `tau / (d - r)^2` with the distance d, the radius r and the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is forbidden: how far attitudes are from it, and how it repels.
 
 A forbidden set has a name and members: it is kept clear of where at least one member is, and a

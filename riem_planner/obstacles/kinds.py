@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The obstacles a user states: an attitude, or a zone about a direction."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The potential of a table of obstacles with its exact derivatives, compiled.
 
 Every obstacle sees the attitude through one number: `u = cos(d / m)`, the cosine of the angle

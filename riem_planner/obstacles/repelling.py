@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What all obstacles have in common: their strength, their taper, and when they exist."""
 
 from __future__ import annotations

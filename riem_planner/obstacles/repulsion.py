@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Potential and force of one obstacle in plain NumPy, batched over attitudes and times.
 
 The compiled solver has its own version of these formulas and shares no code with this one, which

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is forbidden as one array, the form that compiled code reads.
 
 Its first rows are obstacles, set after set and member after member; a zone that is active in

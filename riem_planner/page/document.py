@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From a solution to the page: what is shown, as JSON, with the page's style and scripts."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The `riem_figures` command: the paper's figures, as printed and corrected, and a table.
 
 Each figure has three columns: as the paper computes it, the same initial values with the

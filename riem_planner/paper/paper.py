@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The simulations of the paper, as it computes them and as the corrected equations give them.
 
 Paper: Bloch, Camarinha, Colombo, "Variational point-obstacle avoidance on Riemannian

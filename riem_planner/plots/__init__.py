@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of plans: boresight paths among the zones, rates, clearances."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The figure of a plan: boresight paths among the zones, rates, accelerations, clearance.
 
 Lines differ in dash and marker, zones in hatching, so that the figure reads in grey print.

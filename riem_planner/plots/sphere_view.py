@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The sphere of directions as two flat discs: its near and its far half, nothing hidden.
 
 Orthographic views of both halves along one axis; the far one is seen from behind, so that

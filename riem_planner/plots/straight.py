@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The straight slew: what a planner that knows no zones would fly; for comparison only."""
 
 from __future__ import annotations

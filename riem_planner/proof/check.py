@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """riem_check PROBLEM PLAN: prove that a plan does what its problem asks at all times, or refute it.
 
 All that is trusted is this file, the standard library and python-flint. Every number is read as

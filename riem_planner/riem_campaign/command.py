@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The `riem_campaign` command: many problems to partitioned Parquet, resumed where it stopped.
 
 Exit codes: 0 every row is there, 2 a wrong file or option, 130 interrupted.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Batches on workers: Dask distributed hands them out and keeps nothing.
 
 A part is written by the worker that planned it, so that all that comes back is a count. What a

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A part of a campaign's result: one batch planned, written whole under a name of its content."""
 
 from __future__ import annotations

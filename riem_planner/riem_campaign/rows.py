@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The rows of a campaign, a batch at a time: lines of JSON, or a table beside a template.
 
 Whatever a row holds is handed on as it is; what is wrong with it is told in its own result.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Attitude Ephemeris Messages: CCSDS 504.0-B-1, keyword = value notation, version 1.0."""
 
 from __future__ import annotations

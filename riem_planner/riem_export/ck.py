@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """SPICE kernels: attitudes and rates as a CK of type 3, and the clock that its times are in."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The `riem_export` command: CCSDS AEM and SPICE CK of a plan or a timeline.
 
 Exit codes: 0 written, 2 a wrong file or option.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """UTC, with its leap seconds, and seconds that have none."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Attitudes for receivers that turn at a constant rate between records: as few as will do.
 
 From a knot to the next one, h later, a turn about a fixed axis at a constant rate strays from the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Many problems: one JSON line in, one plan a line out, in the same order.
 
 Lines are planned by worker processes and handed over a few at a time, so that a file of any

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The check of existing plan files: what `riem_plan --certificate-only` says."""
 
 from __future__ import annotations

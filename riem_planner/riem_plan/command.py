@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The `riem_plan` command: plans of problem files, without ROS.
 
 Exit codes: 0 solved and certified (of a batch: all), 2 a file is wrong, 3 no certified

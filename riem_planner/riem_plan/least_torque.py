@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The cheapest path by torque among those that a solve found."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From a problem to what is published: solve, resample evenly, certify again."""
 
 from __future__ import annotations

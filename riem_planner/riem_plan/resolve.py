@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `riem_plan --resolve` writes: problems without anything of the sky, unsolved."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The `riem_timeline` command: observations to one certified reference.
 
 Exit codes: 0 everything is certified, 2 a file is wrong, 3 conflicts remain, 130 interrupted.

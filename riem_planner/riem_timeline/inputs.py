@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a timeline is made of: the spacecraft, the observations, the sky."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One leg of a timeline: the slew between two attitudes, certified against the moving sky."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The two tables of a timeline: its segments and the reference that is flown."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The nearest remedy of a conflict: another time, another roll, another order."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A picture of a timeline: the sky with its slews and conflicts, durations, the worst slews."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A whole timeline: slews, waits and holds one after the other, each with its verdict."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A rigid spacecraft that turns itself by three reaction wheels, and the controller that flies it.
 
 Attitude R (body to reference), body rate v, momentum h of the wheels about their axes, which are

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A planned slew, flown in closed loop without ROS: tracking error and achieved clearance."""
 
 from __future__ import annotations

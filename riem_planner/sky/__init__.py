@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The sky as a spacecraft sees it: where the Sun, the Earth's limb, a star or a site is, and when.
 
 Everything is in the GCRS (axes of the ICRF, origin at the Earth's centre). The direction of a body

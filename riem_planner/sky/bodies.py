@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Bodies: what the spacecraft sees, and where it is from there."""
 
 from __future__ import annotations

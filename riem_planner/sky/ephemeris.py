@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The libraries and data of the sky, loaded once, offline; and time."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Orbits: where the spacecraft, or another one, is."""
 
 from __future__ import annotations

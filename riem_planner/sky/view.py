@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The view from a spacecraft: directions of bodies as paths that a planner follows."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The command `sky_node`: tells where bodies are until SIGINT or SIGTERM; then code 0.
 
 It ends with code 2 where a parameter is wrong, or the libraries of the sky are not installed.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Publishes where bodies are, as the planner's own inputs."""
 
 from __future__ import annotations

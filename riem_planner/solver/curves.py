@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Curves between the stages: first guesses, meshes, and states on a mesh."""
 
 from __future__ import annotations

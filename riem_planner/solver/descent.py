@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """First stage: Newton descent on the discretised cost, which finds minima, not mere extremals.
 
 The curve is given by attitudes at N + 1 times (normalised, on [0, 1], any spacing). The

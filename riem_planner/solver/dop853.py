@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The eighth-order Runge-Kutta method of Dormand and Prince, of twelve stages.
 
 Coefficients of DOP853 (Hairer, Norsett and Wanner, *Solving Ordinary Differential Equations I*,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a slew has to meet at its end, by the kind of its goal.
 
 A goal is an array: quaternion and body rate (7,); behind them, where the roll about e3 is free,

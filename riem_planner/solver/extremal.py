@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From a discretised curve to the extremal near it, with an estimate of the error that is left."""
 
 from __future__ import annotations

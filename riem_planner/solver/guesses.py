@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """First guesses: one curve for each way round that may be worth a descent.
 
 A class of paths is left out only by a true lower bound: obstacles add to the cost, so no path

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An answer before an extremal: what to try where Newton's method fails for every curve found.
 
 Tried in turn, until something is certified, of which the cheapest is taken:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Last resort: a shortest path over a grid of the whole space, where every smooth guess failed.
 
 The grid lives on the unit sphere that the descent works on: S^2 for pointing, S^3 for attitudes,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Global search: one descent for each class of paths that is worth a try.
 
 Classes are enumerated on purpose: the short and the long way round (and further turns where the

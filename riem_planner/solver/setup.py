@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A problem in the form that the solver works on: normalised time, what points along e3."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Second stage: multiple shooting on the first-order conditions, with exact sensitivities.
 
 Each interval is one step of the 8th-order Runge-Kutta method of Dormand and Prince. The state

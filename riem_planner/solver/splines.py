@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Descended curves as trajectories: quintic splines through their nodes.
 
 Where Newton's method finds no extremal, a curve that the certificate accepts is an answer all the

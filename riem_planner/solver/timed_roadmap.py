@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Last resort where something moves: a cheapest path over a grid of space and time.
 
 A door that opens later is passed when it is open: each point of the grid is allowed at just the

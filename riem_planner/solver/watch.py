@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Deadline and cancellation, looked at between iterations."""
 
 from __future__ import annotations

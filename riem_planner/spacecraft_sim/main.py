@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The command `spacecraft_sim`: a simulated spacecraft, until SIGINT or SIGTERM; then code 0."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The simulated spacecraft as a ROS node: follows setpoints, tells its measured state."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Slews of whole surveys: a scheduler's matrix of least times that knows the zones.
 
 Most pairs are answered in closed form: whether the slew about the eigenaxis is clear (`screen`),

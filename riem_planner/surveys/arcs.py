@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Detours in closed form: the boresight runs on a small circle, and rolls at the same pace.
 
 Of one boresight at b_0 in the reference frame before and at b_1 after the slew, let

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The slew matrix: least times and verdicts of any number of pairs, in bounded memory."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The judge of many pairs: straight, detour, sealed, or an end in a zone."""
 
 # Compiled: Numba finds the types.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Slews that no closed form gives: planned, one by one."""
 
 from __future__ import annotations

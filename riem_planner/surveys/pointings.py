@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Attitudes of a telescope that looks along body x: by the Sun, or by angles on the sky."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How fast a slew may be flown: the parameter s of its path over time, from 0 to 1.
 
 A path is `R(s) = exp(s phi hat(e)) R_0 exp(s psi hat(b))`: a turn about a fixed axis e of the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How near a boresight comes to a zone while it runs on a circle: exact, in closed form.
 
 A boresight b that is turned about the unit axis e by an angle t has to a direction z the cosine

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Clearance of a trajectory from a zone that moves with the sky, in continuous time.
 
 Between two rows of the sky a body moves on a great circle at a constant rate, and the half-angle

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One slew of a matrix: its attitude, rate and acceleration at any time."""
 
 from __future__ import annotations

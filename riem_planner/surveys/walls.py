@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether zones of one boresight part two directions: decided exactly.
 
 The union of caps parts two points outside it if and only if some closed chain of overlapping

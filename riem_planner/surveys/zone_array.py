@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Keep-out zones of many epochs at once, as arrays."""
 
 from __future__ import annotations

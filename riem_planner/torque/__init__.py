@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Torque instead of acceleration: the inertia metric as a second cost, on SO(3).
 
 With the inertia J and its mean principal moment `J_m = trace(J) / 3`,

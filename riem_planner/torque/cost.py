@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The cost of a curve at quadrature points, with its exact first and second variation.
 
 Everything is in normalised time `s = t / T` and with inertia `J / J_m`.

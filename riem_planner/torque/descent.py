@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Newton's method on the discretised cost: always downhill, with the exact Hessian."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How nearly a trajectory satisfies the first-order conditions of the torque's cost.
 
 `m' = m x v + F` says that `R m` gains `R F`; with `m = L_v - p'` and integrated twice it needs no

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From a trajectory of least acceleration to one of least torque in the same class of paths."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rotation vectors as splines that vanish with their rates at both ends.
 
 Quintic on every interval and twice continuously differentiable at the nodes, as trajectories are.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Curves with known properties for the tests of the certificate."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Certified bounds hold between any samples, and are tight."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Trajectories that cheat are refused, with a reason that names what is wrong."""
 
 import math

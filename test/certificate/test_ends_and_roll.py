@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """End states in units of the slew, and roll about the boresight at all times."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The residual of the first-order conditions tells extremals from other curves."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Limits are judged in continuous time, by bounds that hold between samples and are tight."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A wall of zones proves that there is no path; an open cover has none."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Attitudes by the keys that people have them under, and YAML's merge keys."""
 
 import math

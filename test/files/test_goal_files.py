@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Goals and holds in problem and plan files."""
 
 import json

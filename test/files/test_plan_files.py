@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Plan files: what `riem_plan` writes, and what its check of them finds."""
 
 import copy

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Problem files: what they mean, and what is said about wrong ones."""
 
 import copy

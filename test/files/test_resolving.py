@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Documents that name bodies, orbits and a spacecraft, where they need no ephemeris."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Zones that move and change, in problem files: read, written, judged; errors by their key."""
 
 import json

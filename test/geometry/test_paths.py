@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Directions that move: sampled ones are C^2, and their motion is that of the unit vector."""
 
 import numpy as np

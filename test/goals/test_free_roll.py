@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Direction goals: one axis on its direction, the roll about it free."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Goals that are an attitude, two axes or a list; goals that move; holds after the arrival."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Plans of least time, flown by the simulator."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Least durations that are known: closed forms, and published ones."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Plans of least time: certified, in files, under a deadline; what is wrong with one is seen."""
 
 import json

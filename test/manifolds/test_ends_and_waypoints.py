@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Points to pass, free ends, other potentials and moving obstacles, by the first variation.
 
 The cost of a varied curve is computed from the curve alone: group elements are multiplied by

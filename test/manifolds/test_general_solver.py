@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Boundary-value problems on general spaces, against each other and against exact answers."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Logarithms of groups and quotients that the principal one of matrices does not serve."""
 
 import numpy as np

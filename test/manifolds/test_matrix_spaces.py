@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compact groups, symmetric spaces and R^n: geometry, extremals, clear errors."""
 
 import numpy as np

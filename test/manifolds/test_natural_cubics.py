@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Cubics without tension and obstacles, against published values and a peer with its own method."""
 
 import json

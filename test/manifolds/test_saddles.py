@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Obstacles on the way: both sides of a symmetric saddle, and a value whatever happens."""
 
 import numpy as np

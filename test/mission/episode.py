@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One random life of a mission, and what an independent observer of its setpoints notes.
 
 The observer uses nothing of the certificate or of the mission's world: only the messages that

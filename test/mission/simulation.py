@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Drives a mission in simulated time: the node without ROS."""
 
 from __future__ import annotations

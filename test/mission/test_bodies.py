@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One body that several zones follow, and orientation obstacles that turn."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Random episodes in simulated time: goals, moving zones, obstacles, cancels, bad messages.
 
 Every setpoint is checked against the zones as last received one planning budget before, by

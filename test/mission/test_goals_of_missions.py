@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What becomes of goals: each has exactly one end, and what is told of it is so."""
 
 import numpy as np

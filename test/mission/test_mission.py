@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the node does about goals, changes of the world and faults, without ROS."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The tables of the mission's states, and the pages that are made from them."""
 
 from pathlib import Path

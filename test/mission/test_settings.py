@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameters: what is declared, what the file lists, what is refused."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Goals that move: met at their rate, followed, corrected as told, left when they fall silent."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The monitor's node hears a planner's topics and latches the first violation."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A spoiled stream is found within two setpoints, for each sentence; an honest one never."""
 
 import ast

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A planner node and a client node in one process, each with all topics at hand."""
 
 from __future__ import annotations

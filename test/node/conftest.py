@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """ROS for tests: loopback only, a private domain, a context for each test."""
 
 import os

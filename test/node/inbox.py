@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Messages to a simulated mission, through the very checks that the node's inputs make."""
 
 from contextlib import contextmanager

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node as a process of its own, and a client in this one that talks to it."""
 
 import gc

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Messages with one thing wrong with each, for every input of the node."""
 
 import math

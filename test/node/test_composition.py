@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The example of a composition without a launch file: it arrives, and ends its nodes."""
 
 import subprocess

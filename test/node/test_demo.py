@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The demonstration of `make run`: what it says, and that it ends well."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Garbage on every input: the node lives, the good data stays, the memory does not grow."""
 
 import threading

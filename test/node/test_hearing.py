@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which of the copies of a message counts, and what comes too late to."""
 
 import pytest

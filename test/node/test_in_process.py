@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The planner in a process of one's own, as an outsider would use it."""
 
 import gc

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What becomes of a message in every state of the life cycle, told from another process."""
 
 import signal

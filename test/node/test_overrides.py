@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Parameter files of which no section is for the node."""
 
 from pathlib import Path

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node in one process: every input, every output, the services, bad messages."""
 
 import copy

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Long operation: memory, threads and descriptors stay as they are."""
 
 import gc

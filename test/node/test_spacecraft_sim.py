@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The simulated spacecraft as a node: follows what it hears, in its clock's time, and ends well."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is told once, at any moment of a start, by any sender, is honoured."""
 
 import signal

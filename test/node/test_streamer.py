@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The stream's thread: on time beside everything else, with the priority it may have."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Zones that truly move and change: along samples, in size, in windows of time, in groups."""
 
 from dataclasses import replace

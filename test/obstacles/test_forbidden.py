@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is forbidden is said once: margins, sets and repulsion of each kind of obstacle."""
 
 import numpy as np

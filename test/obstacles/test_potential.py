@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The compiled potential: its values, and its gradient and Hessian by Taylor's theorem."""
 
 from dataclasses import replace

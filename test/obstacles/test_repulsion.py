@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The NumPy potential is the compiled one, and the force half its gradient."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page in headless Chromium, from disk and without a network: what a person sees and does."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The plan page: one file, whole, small, and true to the plan that it shows."""
 
 import json

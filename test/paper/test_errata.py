@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Each error of the paper: the printed form fails where the corrected one passes.
 
 The printed equations are integrated to 1e-13, so that what fails is the equation and not the

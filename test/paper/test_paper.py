@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the paper claims about its curves, measured; and the command that draws them."""
 
 import csv

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The figure of a plan: what it shows, and that nothing in it covers anything else."""
 
 import inspect

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Honest plans that need no planner, and false ones made of them.
 
 A curve is `R_0 exp(f(t) n_1) exp(g(t) n_2)` with cubic f and g, so that its rates and

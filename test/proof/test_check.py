@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The checker proves honest plans, and no false one, from 1e-9 rad of violation on."""
 
 import ast

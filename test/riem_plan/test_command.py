@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The `riem_plan` command: exit codes, streams, batches, interruptions."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`riem_plan --least-torque`: what it writes, what it says, and what it refuses."""
 
 import json

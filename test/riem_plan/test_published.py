@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The published manoeuvres: each straight slew breaks its zones, each plan is certified."""
 
 import json

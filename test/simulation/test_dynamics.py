@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The simulated body conserves what a body conserves, and its controller follows a plan."""
 
 from itertools import pairwise

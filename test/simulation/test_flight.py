@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The published manoeuvres, flown in closed loop: tracked closely, and clear of every zone."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The sky beside a second library, and problems that name it. Needs the extra: `make sky`."""
 
 import json

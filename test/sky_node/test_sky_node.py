@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node of the sky: what it publishes, with a sky that needs no ephemeris."""
 
 import time

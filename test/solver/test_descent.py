@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The descent: exact derivatives of the discretised cost, its linear algebra, saddles."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the search begins with: every way round, and bounds that are none too high."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An answer before an extremal, and extremals that leave or reach an edge."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What coarse nodes hide from the search."""
 
 import numpy as np

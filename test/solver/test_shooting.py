@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Multiple shooting: its Newton step, its extremals' invariants, and its error estimate."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Doors that open later: a search in space and time."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Campaigns: every row answered, resumed to the byte, whatever is killed."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Attitude ephemerides: the text read back here, and both kinds by libraries of others."""
 
 import json

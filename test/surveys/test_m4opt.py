@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The model for m4opt beside m4opt's own, where zones don't matter and where they do."""
 
 import numpy as np

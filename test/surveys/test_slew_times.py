@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The slew matrix: closed forms beside samples, walls beside a lattice, limits along the way."""
 
 from collections import deque

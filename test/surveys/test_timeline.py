@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Timelines: a sky and observations made here, through the command, judged by samples."""
 
 from itertools import pairwise

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The matrix of requirements is whole, and an orphan would be found."""
 
 import importlib.metadata

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The SROS2 policy is the graph of the running nodes, both ways."""
 
 import copy
