@@ -81,7 +81,7 @@ def test_wrong_states(make, message):
         (lambda: Zone([1, 0, 0], 0.1, strength=0.0), "strength: .* above 0, got 0"),
         (lambda: Zone([1, 0, 0], 0.1, strength=1.0, kind="avoid"), "kind: .* 'avoid'"),
         (lambda: Zone([1, 0, 0], 0.0, strength=1.0, kind="keep_in"), "half_angle: .* keep_in"),
-        (lambda: Zone([1, 0, 0], 0.1, strength=1.0, group="g"), "group: only keep_in"),
+        (lambda: Zone([1, 0, 0], 0.1, strength=1.0, member="m"), "member: "),
         (lambda: Zone([1, 0, 0], 0.1, strength=1.0, range=(0.05, 1.0)), "range: .* radius < on"),
         (lambda: Zone([1, 0, 0], 1, strength=1, kind="keep_in", range=(2, 3)), "range: .*keep_in"),
     ],

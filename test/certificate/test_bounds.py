@@ -244,12 +244,19 @@ def test_certifying_is_fast():
     rng = np.random.default_rng(1)
     trajectory = random_curve(rng, 51)
     problem = problem_of(trajectory, random_obstacles(rng, 0.0)[1:3])
-    durations = []
-    for _ in range(200):
-        begin = time.perf_counter()
-        certify(trajectory, problem)
-        durations.append(time.perf_counter() - begin)
-    assert min(durations) < 1.5e-4
+    times = np.linspace(0.0, trajectory.duration, 1000)
+
+    def fastest(run):
+        durations = []
+        for _ in range(200):
+            begin = time.perf_counter()
+            run()
+            durations.append(time.perf_counter() - begin)
+        return min(durations)
+
+    # A ratio, since machines differ: two zones in continuous time for a thousand bare samples.
+    certifying = fastest(lambda: certify(trajectory, problem))
+    assert certifying < 2.5 * fastest(lambda: trajectory.evaluate_quaternion(times))
 
 
 def test_margins_along_a_trajectory_are_those_of_the_problem():
