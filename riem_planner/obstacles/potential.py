@@ -53,6 +53,10 @@ CUT_WIDTH = 0.1
 """Within this distance [rad] of the cut locus, d = pi, the kink of d is rounded off, so that the
 potential is C^5; the potential as stated differs there only."""
 
+# Width of the smooth maximum that stands in for a group that may be violated: a share of the
+# margin `soft`, so that what it gives away shrinks with that, and at most some rad.
+_UNION_SHARE, _UNION_MOST = 0.5, 0.05
+
 _NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -144,23 +148,25 @@ def _keep_out(c, s, m, r, tau, on, off, soft):
 
 
 @inlined
-def _keep_in(c, s, r, tau, soft):
-    """V, dV/du, d2V/du2 of `tau / m^2`, m = (r^2 - d^2) / (2 r).
+def _barrier(m, tau, soft):
+    """V, dV/dm, d2V/dm2 of `tau / m^2`; below m = `soft` its quadratic Taylor polynomial."""
+    edge = max(m, soft)
+    V = tau / (edge * edge)
+    V_m, V_mm = -2.0 * V / edge, 6.0 * V / (edge * edge)
+    dm = m - edge
+    return V + dm * (V_m + 0.5 * dm * V_mm), V_m + dm * V_mm, V_mm
 
-    Below a margin m of `soft` its quadratic Taylor polynomial in m.
-    """
+
+@inlined
+def _keep_in(c, s, r, tau, soft):
+    """V, dV/du, d2V/du2 of `_barrier` at m = (r^2 - d^2) / (2 r)."""
     beta = np.arctan2(s, c)
     B_1, B_2 = _square(beta, c, s)
     m = 0.5 * (r * r - beta * beta) / r
     m_1, m_2 = -0.5 * B_1 / r, -0.5 * B_2 / r
     if not max(m, soft) > 0.0:
         return np.inf, 0.0, 0.0
-    edge = max(m, soft)
-    V = tau / (edge * edge)
-    V_m, V_mm = -2.0 * V / edge, 6.0 * V / (edge * edge)
-    dm = m - edge
-    V += dm * (V_m + 0.5 * dm * V_mm)
-    V_m += dm * V_mm
+    V, V_m, V_mm = _barrier(m, tau, soft)
     return V, V_m * m_1, V_mm * m_1 * m_1 + V_m * m_2
 
 
@@ -337,9 +343,64 @@ def _united(weights):
 
 
 @inlined
+def _clear(member, tau, soft):
+    """The margin m at which `_barrier` is a member's potential: infinite where it repels not."""
+    V = member[0]
+    if not V > 0.0:
+        return _function(np.inf, 0.0, 0.0, _NOTHING)
+    edge = tau / (soft * soft)
+    if edge > V:
+        m = np.sqrt(tau / V)
+        return _function(m, -0.5 * m / V, 0.75 * m / V / V, member)
+    root = np.sqrt(3.0 * V / edge - 2.0)
+    first = -0.5 * soft / (root * edge)
+    return _function(soft * (4.0 - root) / 3.0, first, -1.5 * first / (root * root * edge), member)
+
+
+@inlined
+def _greater(a, b, soft):
+    """Smooth maximum of two margins; of many, one after the other, it is that of all."""
+    if not np.inf > a[0] or b[0] == -np.inf:
+        return a
+    if not np.inf > b[0] or a[0] == -np.inf:
+        return b
+    width = min(_UNION_SHARE * soft, _UNION_MOST)
+    less = np.exp(-abs(a[0] - b[0]) / width)
+    p = 1.0 / (1.0 + less)
+    p = p if a[0] >= b[0] else less * p
+    both = p * (1.0 - p) / width
+    apart = _added(a, _function(0.0, -1.0, 0.0, b))
+    bend = _function(0.0, 0.0, both, apart)
+    top = max(a[0], b[0]) + width * np.log1p(less)
+    mean = _added(_function(0.0, p, 0.0, a), _function(top, 1.0 - p, 0.0, b))
+    return _added(mean, bend)
+
+
+@inlined
+def _joined(group, member, tau, soft):
+    """A group's sum with one more member: of weights, or where it is softened its margin."""
+    if soft > 0.0:
+        return _greater(group, _clear(member, tau, soft), soft)
+    return _added(group, _weight(member))
+
+
+@inlined
+def _of_group(group, tau, soft):
+    """Potential of a group by `_joined` of all its members."""
+    if soft > 0.0:
+        if not np.inf > group[0]:
+            return _NOTHING
+        V, first, second = _barrier(group[0], tau, soft)
+        return _function(V, first, second, group)
+    return _united(group)
+
+
+@inlined
 def _sum(table, time, q, soft):
     """What `potential` returns; what its caller leaves unused is never computed."""
-    total, member, weights = _NOTHING, _NOTHING, _NOTHING
+    empty = _function(-np.inf if soft > 0.0 else 0.0, 0.0, 0.0, _NOTHING)
+    total, member, joined = _NOTHING, _NOTHING, empty
+    tau, strongest = 0.0, 0.0
     n = obstacle_count(table)
     for i in range(n):
         part = _of_obstacle(table, i, time, q, soft) if exists(table, i, time) else _NOTHING
@@ -348,14 +409,16 @@ def _sum(table, time, q, soft):
             total = _added(total, part)
             continue
         member = _added(member, part)
+        tau = max(tau, table[i, STRENGTH])
         more = i + 1 < n and table[i + 1, GROUP] == group
         if more and table[i + 1, MEMBER] == table[i, MEMBER]:
             continue
-        weights = _added(weights, _weight(member))
-        member = _NOTHING
+        joined = _joined(joined, member, tau, soft)
+        strongest = max(strongest, tau)
+        member, tau = _NOTHING, 0.0
         if not more:
-            total = _added(total, _united(weights))
-            weights = _NOTHING
+            total = _added(total, _of_group(joined, strongest, soft))
+            joined, strongest = empty, 0.0
     return total
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from riem_planner.geometry import so3, sphere
-from riem_planner.obstacles.table import RADIUS, depends_on_time, obstacle_rows
+from riem_planner.obstacles.table import GROUP, RADIUS, depends_on_time, obstacle_rows
 from riem_planner.solver import curves
 from riem_planner.solver.descent import SADDLES, begin_stage, descend, fresh_memory
 from riem_planner.solver.guesses import Guesses, all_guesses, ways_round
@@ -43,6 +43,7 @@ _SAME_PLACE = 0.05  # rad
 _SAME_CURVE = 1e-7
 _MOST_DESCENTS = 16
 _WORTH_CROSSING = 1.2  # of the best cost, up to which a curve's other sides are tried
+_MORE_NODES = 5.0 / 3.0  # where a group may hide a way between them
 _DEAR = 2.0  # of the best cost, at which the lower bound of a class rules it out
 WORTHLESS = 10.0
 """Of the best cost, above which another class is of no use."""
@@ -284,8 +285,24 @@ def global_search(setup: Setup, watch: Watch, warm_start: Trajectory | None) -> 
             found.keep(way.minimum)
         elif not found.minima or way.minimum.cost < _DEAR * found.minima[0].cost:
             found.add(way.guess, found.softs)
+    if np.any(obstacle_rows(setup.table)[:, GROUP] >= 0.0):
+        _look_again(found, ways)
     found.cross_obstacles(_MOST_DESCENTS)
     return found
+
+
+def _look_again(found: Search, ways: list[Unhindered]) -> None:
+    """Descend on more nodes as well: a narrow hand-over within a group may lie between nodes."""
+    nodes = round(_MORE_NODES * (found.times.size - 1))
+    finer = Search(found.setup, found.watch, np.arange(nodes + 1) / nodes)
+    for way in ways:
+        lifted = found.setup.lifted(way.guess)
+        q = found.setup.with_goal(curves.resampled(found.times, lifted, finer.times))
+        if not finer.minima or way.minimum.cost < _DEAR * finer.minima[0].cost:
+            finer.add(q, finer.softs)
+    found.tried += finer.tried
+    for curve in finer.minima:
+        found.keep(curve)
 
 
 class Unhindered(NamedTuple):
