@@ -267,7 +267,10 @@ class Episode:
             return
         self._timeline = timeline
         for before, after in pairwise(timeline.segments):
-            was, now = before.at(after.start_ns), after.at(after.start_ns)
+            # What begins just when a segment ends goes on from its last state: that segment is
+            # held at rest only if nothing follows.
+            until_ns = after.start_ns - (after.start_ns == before.end_ns)
+            was, now = before.at(until_ns), after.at(after.start_ns)
             turned = np.abs(was.quaternion - now.quaternion).max()
             jump = max(turned, np.abs(was.rate - now.rate).max())
             self.splices += 1
