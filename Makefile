@@ -81,7 +81,7 @@ lint: $(READY)
 	@$(PY) -m ruff check .
 	@$(PY) -m ruff format --check .
 	@$(PY) -m mypy
-	@$(VENV)/bin/lint-imports --no-timings 2>&1 | tail -5; exit $${PIPESTATUS[0]}
+	@$(VENV)/bin/lint-imports --no-logo --no-cache
 	@$(PY) docs/check_python.py
 
 docs: $(DOCS_READY)
