@@ -21,12 +21,6 @@ def stamp_text(nanoseconds: int) -> str:
     return f"{seconds}.{rest:09d}"
 
 
-def stamp_from_text(text: str) -> int:
-    """The nanoseconds of `stamp_text`."""
-    seconds, _, rest = text.partition(".")
-    return int(seconds) * SECOND + int(rest)
-
-
 def text_of(value: object) -> str:
     """A value as people read it: six digits of a number."""
     if isinstance(value, bool):

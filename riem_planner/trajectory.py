@@ -18,6 +18,7 @@ from riem_planner.checks import frozen
 from riem_planner.errors import InvalidProblemError
 from riem_planner.geometry import so3
 from riem_planner.geometry.quaternions import relative, turn
+from riem_planner.geometry.vectors import cross
 from riem_planner.kernels import brief_kernel, inlined
 
 Array = NDArray[np.float64]
@@ -155,26 +156,17 @@ def _curvature_coefficients(square):
 
 
 @inlined
-def _cross(a, b):
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
-
-
-@inlined
 def _rate_and_acceleration(xi, xi_1, xi_2):
     """Body rate and acceleration of exp(xi(t)) from xi and its two derivatives."""
     square = xi[0] ** 2 + xi[1] ** 2 + xi[2] ** 2
     inner = xi[0] * xi_1[0] + xi[1] * xi_1[1] + xi[2] * xi_1[2]
     A, B, A_rate, B_rate = _curvature_coefficients(square)
     A_dot, B_dot = A_rate * inner, B_rate * inner
-    c1 = _cross(xi, xi_1)
-    cc1 = _cross(xi, c1)
-    c2 = _cross(xi, xi_2)
-    cc2 = _cross(xi, c2)
-    c11 = _cross(xi_1, c1)
+    c1 = cross(xi, xi_1)
+    cc1 = cross(xi, c1)
+    c2 = cross(xi, xi_2)
+    cc2 = cross(xi, c2)
+    c11 = cross(xi_1, c1)
     v = (
         xi_1[0] - A * c1[0] + B * cc1[0],
         xi_1[1] - A * c1[1] + B * cc1[1],
@@ -198,8 +190,8 @@ def _jacobian_inverse_times(xi, vector):
     else:
         half = 0.5 * np.sqrt(square)
         C = (1 - half / np.tan(half)) / square
-    c = _cross(xi, vector)
-    cc = _cross(xi, c)
+    c = cross(xi, vector)
+    cc = cross(xi, c)
     return (
         vector[0] + 0.5 * c[0] + C * cc[0],
         vector[1] + 0.5 * c[1] + C * cc[1],

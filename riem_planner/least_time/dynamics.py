@@ -17,8 +17,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from riem_planner.geometry.vectors import cross
 from riem_planner.kernels import inlined, part
-from riem_planner.least_time.vectors import cross, plus, row
+from riem_planner.least_time.vectors import plus, row
 
 
 @inlined

@@ -14,6 +14,7 @@ its node, the duration, and the change `U = A_+ - A` to the next node, between w
 
 from __future__ import annotations
 
+from riem_planner.geometry.vectors import cross
 from riem_planner.kernels import inlined, part
 from riem_planner.least_time.model import MIDDLE
 from riem_planner.least_time.vectors import (
@@ -21,7 +22,6 @@ from riem_planner.least_time.vectors import (
     add_hat,
     add_hat_times,
     add_matrix,
-    cross,
     plus,
     row,
     seen,

@@ -15,12 +15,6 @@ def row(X, k):
 
 
 @inlined
-def cross(a, b):
-    """Cross product."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@inlined
 def plus(a, b, scale):
     """`a + scale b`."""
     return a[0] + scale * b[0], a[1] + scale * b[1], a[2] + scale * b[2]

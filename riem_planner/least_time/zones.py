@@ -18,9 +18,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from riem_planner.geometry.vectors import cross
 from riem_planner.kernels import inlined, part
 from riem_planner.least_time.model import ATTITUDE, KIND, MEMBER, MEMBERS, OUT
-from riem_planner.least_time.vectors import cross, seen
+from riem_planner.least_time.vectors import seen
 
 _SHARPNESS = 60.0  # beta
 

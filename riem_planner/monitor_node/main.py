@@ -6,47 +6,25 @@ It ends with code 3 where a sentence was broken.
 
 from __future__ import annotations
 
-import os
-import signal
 import sys
-import threading
-from types import FrameType
 
-LOOK = 0.1
-"""Longest time between two looks whether a signal has come [s]."""
+from riem_planner.serving import serve, until_signalled
+
 BROKEN = 3
 """Exit code where a sentence was broken."""
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the node; returns the exit code."""
-    stop = threading.Event()
-
-    def on_signal(_: int, __: FrameType | None) -> None:
-        stop.set()
-
-    signal.signal(signal.SIGINT, on_signal)
-    signal.signal(signal.SIGTERM, on_signal)
-    # As the planner does: other processes that come and go must not hold up a publisher.
-    os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
-
+    stop = until_signalled()
     import rclpy
-    from rclpy.executors import SingleThreadedExecutor
     from rclpy.signals import SignalHandlerOptions
 
     from riem_planner.monitor_node.monitor_node import MonitorNode
 
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     node = MonitorNode()
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    try:
-        while not stop.is_set():
-            executor.spin_once(timeout_sec=LOOK)
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.try_shutdown()
+    serve(node, stop)
     return 0 if node.monitor.verdict is None else BROKEN
 
 

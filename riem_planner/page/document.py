@@ -121,7 +121,7 @@ def _data(
         "start": problem.start.quaternion_xyzw.tolist(),
         "goal": problem.shown_arrival(_end(trajectory)).quaternion_xyzw.tolist(),
         "sets": [_forbidden(obstacle, duration) for obstacle in problem.obstacles],
-        "wall": list(getattr(solution, "wall", ())),
+        "wall": list(solution.wall),
         "limits": _limits(problem),
         "certificate": None if certificate is None else _verdict(certificate),
         "plans": plans,

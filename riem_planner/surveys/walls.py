@@ -15,8 +15,6 @@ wall.
 
 from __future__ import annotations
 
-import numpy as np
-
 from riem_planner.geometry.vectors import cross, norm
 from riem_planner.kernels import inlined, kernel
 from riem_planner.surveys.screen import angle_between, dot
@@ -161,12 +159,3 @@ def walled(start, goal, zones, group, work):
         if verdict != UNDECIDED:
             break
     return verdict
-
-
-@kernel
-def parted(start, goal, zones):
-    """Whether the zones (k, 5) part the directions start and goal (3,); see `walled`."""
-    k = zones.shape[0]
-    work = (np.empty(k, np.int64), np.empty(k, np.int64), np.zeros(k, np.int64))
-    first, last = (start[0], start[1], start[2]), (goal[0], goal[1], goal[2])
-    return walled(first, last, zones, 0, work)
