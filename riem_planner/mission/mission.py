@@ -387,7 +387,9 @@ class Mission:
             # A decision that takes long is no jump: it was streamed on meanwhile.
             jump = now_ns - max(last, min(self.reference.streamed_ns, now_ns))
             if not -BACKWARD_NS <= jump <= FORWARD_NS:
-                self._jump(jump, now_ns, known=last != 0)
+                # The stream may have been ahead of the last call when the clock was set back.
+                back = now_ns - max(last, self.reference.streamed_ns)
+                self._jump(min(jump, back) if jump < 0 else jump, now_ns, known=last != 0)
         self.reference.prune(now_ns)
 
     def _jump(self, jump: int, now_ns: int, *, known: bool) -> None:

@@ -520,6 +520,18 @@ def test_after_a_jump_of_the_clock_the_stream_goes_on_from_where_it_was(jump):
     assert _distance_to(simulation, Z_TURN) < 1e-9
 
 
+def test_a_clock_that_is_set_back_behind_a_stream_that_ran_ahead_makes_no_step_back():
+    simulation = _simulation()
+    simulation.goal(Z_TURN)
+    simulation.run(4.0)
+    simulation.stream_on(0.2)  # since the last call that was told the time
+    before = simulation.setpoints[-1]
+    simulation.now_ns -= 50 * SECOND
+    simulation.mission.advance(simulation.now_ns)
+    after = simulation.mission.reference.stream(simulation.now_ns)
+    assert so3.quaternion_distance(before.quaternion, after.quaternion) < 1e-12
+
+
 def test_a_clock_that_stands_still_changes_nothing():
     simulation = _simulation()
     simulation.goal(Z_TURN)
